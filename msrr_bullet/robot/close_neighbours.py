@@ -10,6 +10,8 @@ import numpy as np
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.collision.locked_group import locked_group, neighbour_limits
+from msrr_control.docking.law import DockSetup
+from msrr_control.sequence.port_view import PortView
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, GlobalPose, PoseEstimate
 from msrr_scenes.specs.plan import DockStep
@@ -26,14 +28,22 @@ class CloseNeighbours:
     """The neighbours of a port, and where they stand in its dock frame D.
 
     A docking unit passes them at some centimetres. It knows itself in D by its own camera, and them by their
-    locks: far better than the overhead camera, whose tags were put on by hand, shows how near they are.
+    locks: far better than the overhead camera, whose tags were put on by hand, shows how near they are. Once
+    its pins are in the holes it can only slide into its seat, and what it sees of itself tells nothing more:
+    the holes keep it farther from neighbours in their seats than the limits do.
 
     Attributes:
         limits: How near the unit may come to each of them [m], by name.
     """
 
     def __init__(
-        self, scene: Scene, model: ClearanceModel, step: DockStep, joints: Iterable[DockStep], stop_m: float
+        self,
+        scene: Scene,
+        model: ClearanceModel,
+        step: DockStep,
+        joints: Iterable[DockStep],
+        stop_m: float,
+        sigmas: float,
     ) -> None:
         """Find the neighbours that the unit has to come nearer to than to other bodies.
 
@@ -43,6 +53,7 @@ class CloseNeighbours:
             step: The step in which the unit docks.
             joints: The other docks that are closed or may close meanwhile.
             stop_m: Clearance that is kept from other bodies [m].
+            sigmas: Standard deviations by which the unit may be farther from its seat than it sees.
         """
         joints = tuple(joints)
         limits = neighbour_limits(scene, model, joints, step)
@@ -51,10 +62,11 @@ class CloseNeighbours:
         )
         group = locked_group(scene, joints, step.target_unit)
         self._X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
+        self._setup, self._sigmas = DockSetup.of(scene, step), sigmas
         self._seats = {name: self._X_TD.inverse() @ group[name] for name in self.limits}
 
     def in_dock_frame(self, arena: ArenaEstimate, by_sight: PoseEstimate) -> ArenaEstimate:
-        """Return the unit and the neighbours in D, those in their seats by their locks.
+        """Return the unit and the neighbours in D that it could come too near to.
 
         Args:
             arena: Estimated poses in W, with that of the target.
@@ -63,15 +75,26 @@ class CloseNeighbours:
         assert arena.target is not None, "a unit that docks has a target"
         X_DW = (arena.target.X_WB @ self._X_TD).inverse()
         own = GlobalPose(arena.own.name, by_sight.stamp_ns, by_sight.X_DU, by_sight.covariance)
-        others = (self._placed(body, X_DW) for body in arena.others if body.name in self.limits)
+        view = PortView.of(by_sight, None, self._setup, by_sight.stamp_ns)
+        held = view.gap + self._sigmas * view.sigma_gap <= self._setup.pin_reach
+        others = []
+        for body in arena.others:
+            if body.name not in self.limits:
+                continue
+            if not self._in_seat(body.name, X_DW @ body.X_WB):
+                others.append(_turned(body, X_DW))
+            elif not held:
+                others.append(GlobalPose(body.name, body.stamp_ns, self._seats[body.name], _SEATED))
         return ArenaEstimate(by_sight.stamp_ns, own, None, tuple(others), (), by_sight.last_seen_ns)
 
-    def _placed(self, body: GlobalPose, X_DW: SE2) -> GlobalPose:
-        """Return a neighbour in D: in its seat if it is seen there, else where it is seen."""
-        seen, seat = X_DW @ body.X_WB, self._seats[body.name]
-        off = seat.inverse() @ seen
-        if math.hypot(off.x, off.y) < _IN_SEAT_M and abs(off.yaw) < _IN_SEAT_RAD:
-            return GlobalPose(body.name, body.stamp_ns, seat, _SEATED)
-        c, s = math.cos(X_DW.yaw), math.sin(X_DW.yaw)
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        return GlobalPose(body.name, body.stamp_ns, seen, turn @ body.relative @ turn.T)
+    def _in_seat(self, name: str, X_DN: SE2) -> bool:
+        """Return whether a neighbour that is seen from above at ``X_DN`` is in its seat."""
+        off = self._seats[name].inverse() @ X_DN
+        return math.hypot(off.x, off.y) < _IN_SEAT_M and abs(off.yaw) < _IN_SEAT_RAD
+
+
+def _turned(body: GlobalPose, X_DW: SE2) -> GlobalPose:
+    """Return a body in D where it is seen in W."""
+    c, s = math.cos(X_DW.yaw), math.sin(X_DW.yaw)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return GlobalPose(body.name, body.stamp_ns, X_DW @ body.X_WB, turn @ body.relative @ turn.T)

@@ -80,7 +80,7 @@ class CollisionMonitor:
     A command that leads away from a body always passes, however near the unit is. A body that drives counts
     where it is; if it goes first, also where it would still come if it stopped, as it has told. While a unit
     docks, the target is ignored, and a neighbour that is locked to the target may be as near as the seat of
-    the unit is, less a margin.
+    the unit is, less a margin; it is ignored as well once the pins of the unit are in the holes.
     """
 
     def __init__(
@@ -110,7 +110,9 @@ class CollisionMonitor:
         """Expect the units of these docks beside the target; those of earlier calls no more."""
         if self._step is None:
             return
-        self._neighbours = CloseNeighbours(self._scene, self._model, self._step, joints, self._spec.stop_m)
+        self._neighbours = CloseNeighbours(
+            self._scene, self._model, self._step, joints, self._spec.stop_m, self._spec.sigmas
+        )
 
     def brief(self, authority: Authority) -> None:
         """Take in what a base station tells of others: docks, and the intents of those that go first."""

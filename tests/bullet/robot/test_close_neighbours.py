@@ -27,13 +27,18 @@ def scene() -> Scene:
 
 
 def decide(
-    scene: Scene, X_DU: SE2, docking: bool = True, X_DC: SE2 = X_DC, by_sight: bool = False
+    scene: Scene,
+    X_DU: SE2,
+    docking: bool = True,
+    X_DC: SE2 = X_DC,
+    by_sight: bool = False,
+    sigma_m: float = 0.0003,
 ) -> MonitorState:
     """Return the state of the monitor of unit a at a pose, which wants to drive on at 5 cm/s."""
     monitor = CollisionMonitor(scene, "a", scene.docks[0], [DockStep(unit="c", to="b.left")])
     X_WD = scene.geometry("b").dock_frame("rear")
     a, b, c = (GlobalPose(n, 0, X, SURE) for n, X in (("a", X_WD @ X_DU), ("b", SE2()), ("c", X_WD @ X_DC)))
-    sight = PoseEstimate(0, X_DU, SURE, 0) if by_sight else None
+    sight = PoseEstimate(0, X_DU, np.diag([sigma_m**2, sigma_m**2, 1e-7]), 0) if by_sight else None
     return monitor.limit(Twist(0.05), ArenaEstimate(0, a, b, (c,), (), 0), 0, docking, sight).state
 
 
@@ -54,9 +59,26 @@ def test_a_neighbour_may_be_nearer_than_other_bodies_while_the_unit_docks(
 def test_a_neighbour_in_its_seat_is_where_its_lock_holds_it(
     scene: Scene, off_m: float, known_by_its_lock: bool, by_sight: bool
 ) -> None:
-    """Just before the seat a unit that sees the port by itself passes a neighbour whose tag is 14 mm off."""
-    seat = SE2(-scene.geometry("a").control_offset("front") - 0.002)
-    assert decide(scene, seat, by_sight=by_sight) is MonitorState.FREE
+    """Before the holes, 1 cm off their axis, a unit that sees the port passes a tag that is 14 mm off."""
+    before_holes = SE2(-scene.geometry("a").control_offset("front") - 0.019, 0.010)
+    assert decide(scene, before_holes, by_sight=by_sight) is MonitorState.FREE
     seen_at = X_DC @ SE2(off_m, -off_m)
     passes = by_sight and known_by_its_lock
-    assert (decide(scene, seat, X_DC=seen_at, by_sight=by_sight) is MonitorState.FREE) is passes
+    assert (decide(scene, before_holes, X_DC=seen_at, by_sight=by_sight) is MonitorState.FREE) is passes
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "sigma_m", "X_DC", "passes"),
+    [
+        (0.004, 0.005, X_DC, True),
+        (0.010, 0.010, X_DC, False),  # the pins may still be before the holes
+        (0.004, 0.005, X_DC @ SE2(0.020, -0.020), False),  # no lock holds the neighbour there
+    ],
+)
+def test_a_unit_in_the_holes_presses_on_beside_a_neighbour_in_its_seat(
+    scene: Scene, gap_m: float, sigma_m: float, X_DC: SE2, passes: bool
+) -> None:
+    """It sees itself 7 mm beside the axis, where the holes cannot let it be."""
+    X_DU = SE2(-scene.geometry("a").control_offset("front") - gap_m, 0.007)
+    state = decide(scene, X_DU, X_DC=X_DC, by_sight=True, sigma_m=sigma_m)
+    assert (state is MonitorState.FREE) is passes
