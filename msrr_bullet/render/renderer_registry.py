@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
 
-from msrr_bullet.render.renderer import RenderContext, Renderer
+from msrr_bullet.render.renderer import Instant, RenderContext, Renderer
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.guarded import wrong
@@ -37,9 +38,22 @@ def _image(result: object, camera: PinholeCamera, X_WC: SE3, window: Window) -> 
     return result
 
 
+def _images(
+    result: object, camera: PinholeCamera, views: Sequence[tuple[Window, Instant]], *_: object
+) -> list[Pixels]:
+    """Return the pixels of each window of a class of a user's own; a ValueError says what is wrong."""
+    if not isinstance(result, list | tuple) or len(result) != len(views):
+        wrong(result, f"a list of {len(views)} images, one for each window")
+    return [
+        _image(pixels, camera, at.X_WC, window) for pixels, (window, at) in zip(result, views, strict=True)
+    ]
+
+
 #: Renderers by name. Each is imported when a scene asks for it.
 RENDERERS: ExtensionPoint[Renderer] = ExtensionPoint(
-    {"tiny": _tiny, "raster": _raster}, methods={"render": _image}
+    {"tiny": _tiny, "raster": _raster},
+    methods={"render": _image},
+    optional={"render_instants": _images},
 )
 
 

@@ -15,7 +15,7 @@ from msrr_bullet.sensors.image_noise import ImageNoise
 from msrr_bullet.sensors.image_response import image_response, jpeg_round_trip, whole_blocks
 from msrr_bullet.sensors.shutter import Shutter
 from msrr_scenes.as_built import BuiltCamera
-from msrr_scenes.errors import MsrrError
+from msrr_scenes.errors import MsrrError, SceneError
 from msrr_scenes.geometry.distortion import IDEAL_LENS
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
@@ -65,6 +65,9 @@ class Camera:
             faults: Faults of the scene; blackouts of other cameras are ignored.
             built: True intrinsics, lens and clock; None if they are those of ``spec``.
             motion: Returns how camera and bodies move at the instant of exposure; None if nothing moves.
+
+        Raises:
+            SceneError: The renderer has to be an :class:`ExposureRenderer`, and it is none.
         """
         self.name = name
         self.spec = spec
@@ -78,6 +81,13 @@ class Camera:
         response = image_response(spec, self.pinhole)
         self._shutter = Shutter(spec, self.pinhole)
         self._observe = None if self._shutter.instantaneous else motion
+        exacting = self._distortion is not None or self._observe is not None
+        if exacting and not hasattr(renderer, "render_instants"):
+            raise SceneError(
+                f"cameras.{name.rpartition('/')[2]}.renderer: {spec.renderer.name!r} has no method "
+                "render_instants, which draws exposure times and lenses that distort; add it (protocol "
+                "ExposureRenderer), or do without these, as as_built: perfect does"
+            )
         self._motion: CameraMotion | None = None
         self._noise = ImageNoise(key, spec.blur_px, spec.noise_grey, spec.shot_grey, response)
         self._dropout = FrameDropout(name, spec.dropout, stream(seed, f"camera/{name}/dropout"), faults)
@@ -133,7 +143,7 @@ class Camera:
         still = self._motion is None or not self._motion.bodies
         if still and self._distortion is None:
             return self._renderer.render(self.pinhole, self._X_WC, window)
-        renderer = cast(ExposureRenderer, self._renderer)  # as the check of the scene has made sure
+        renderer = cast(ExposureRenderer, self._renderer)  # as __init__ has made sure
         if self._motion is None or still:
             views = [(window, Instant(self._X_WC))]
             return renderer.render_instants(self.pinhole, views, self._distortion)[0]

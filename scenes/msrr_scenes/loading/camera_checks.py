@@ -11,12 +11,13 @@ import numpy as np
 from msrr_scenes.geometry.distortion import COEFFICIENTS, fold_radius
 from msrr_scenes.geometry.lens import Lens, frame_outline
 from msrr_scenes.loading.problems import KeyPath, Problem
+from msrr_scenes.registry import is_import_path
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 
-#: The renderer that draws the instants of an exposure and the distortion of a lens.
+#: The shipped renderer that draws the instants of an exposure and the distortion of a lens. Whether one of a
+#: user's own does is known when it is built (:class:`msrr_bullet.sensors.camera.Camera`).
 _RENDERER = "raster"
-
 
 #: Least and greatest horizontal field of view, and greatest ratio of the focal lengths, of a calibration.
 _FOV_DEG, _MOST_ASPECT = (5.0, 150.0), 2.0
@@ -80,7 +81,7 @@ def _calibration_problems(name: str, spec: CameraSpec) -> Iterator[Problem]:
 
 def _lens_problems(scene: Scene, name: str, spec: CameraSpec) -> Iterator[Problem]:
     told, deviations = spec.lens, {key: getattr(getattr(scene.as_built, name), key) for key in COEFFICIENTS}
-    if spec.renderer.name != _RENDERER:
+    if _draws_one_instant(spec):
         text = f"the renderer {spec.renderer.name!r} draws ideal lenses only, and "
         remedy = f"use renderer {_RENDERER}, or"
         if told.distorts:
@@ -111,11 +112,16 @@ def _folds(lens: Lens) -> str | None:
     )
 
 
+def _draws_one_instant(spec: CameraSpec) -> bool:
+    """Return whether the renderer of a camera is a shipped one without exposure times and distortion."""
+    return spec.renderer.name != _RENDERER and not is_import_path(spec.renderer)
+
+
 def _shutter_problems(path: KeyPath, spec: CameraSpec) -> Iterator[Problem]:
     interval_ms = 1000.0 / spec.rate_hz
     for key in ("exposure_ms", "rolling_shutter_ms"):
         value = getattr(spec, key)
-        if value > 0.0 and spec.renderer.name != _RENDERER:
+        if value > 0.0 and _draws_one_instant(spec):
             text = (
                 f"the renderer {spec.renderer.name!r} draws one instant only; use renderer {_RENDERER}, or "
                 "set it to 0, as as_built: perfect does"

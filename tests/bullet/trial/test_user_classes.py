@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,8 +12,11 @@ from msrr_bullet.log import TruePose, read_log
 from msrr_bullet.replay.comparison import ReplayError
 from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.run import run_trial
+from msrr_bullet.trial.check import check_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
+from msrr_scenes.errors import SceneError
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Action, Twist
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
@@ -128,6 +132,24 @@ class Torn(Failing, Renderer):
         return image[1:] if self.late() else image
 
 
+class OneInstant:
+    def __init__(self, context):
+        self.inner = Renderer(context)
+
+    def render(self, camera, X_WC, window):
+        return self.inner.render(camera, X_WC, window)
+
+
+class NoImages(Renderer):
+    def render_instants(self, camera, views, distortion=None):
+        return []
+
+
+class TornImages(Renderer):
+    def render_instants(self, camera, views, distortion=None):
+        return [image[1:] for image in super().render_instants(camera, views, distortion)]
+
+
 class NoRenderer(Failing, Renderer):
     def __init__(self, context):
         raise OSError("no such device")
@@ -178,6 +200,38 @@ def test_guards_change_nothing_in_a_trial(shipped: Load) -> None:
         assert own_result.model_copy(update={"scene_hash": ""}) == shipped_result.model_copy(
             update={"scene_hash": ""}
         )
+
+
+def _careful(name: str) -> Scene:
+    """A second of an approach whose camera exposes for 10 ms and distorts."""
+    return load_scene("close_range", {KEYS["renderer"]: name, "time_limit_s": "1"})
+
+
+def test_a_renderer_of_one_s_own_draws_exposures_and_distortion() -> None:
+    """Only the shipped one might, so that a renderer of one's own went with perfect calibration alone."""
+    shipped, own = (Trial(_careful(name), SEED).run() for name in ("raster", "users_classes:Renderer"))
+    assert own.model_copy(update={"scene_hash": ""}) == shipped.model_copy(update={"scene_hash": ""})
+    assert shipped.steps[0].attempts[-1].believed is not None, "the pixels were read"
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("NoImages", r"render_instants returned \[\]; expected a list of \d+ images, one for each window"),
+        ("TornImages", r"render_instants returned an array of uint8 of shape .* expected uint8 of shape"),
+    ],
+)
+def test_the_images_of_an_exposure_are_checked(name: str, says: str) -> None:
+    result = Trial(_careful(f"users_classes:{name}"), SEED).run()
+    assert result.outcome is Outcome.PROGRAM_FAILED
+    assert re.search(says, result.steps[0].belief_reason)
+
+
+def test_a_renderer_without_the_method_that_a_camera_needs_is_refused() -> None:
+    own = "users_classes:OneInstant"
+    with pytest.raises(SceneError, match=r"cameras\.onboard\.renderer: .* no method render_instants"):
+        check_trial(_careful(own))
+    check_trial(load_scene("close_range", {KEYS["renderer"]: own, "as_built": "perfect"}))
 
 
 @pytest.mark.parametrize(

@@ -45,12 +45,12 @@ def test_a_lens_that_the_renderer_does_not_draw_is_refused(deviation: str) -> No
 
 def test_a_renderer_of_one_instant_and_ideal_lenses_goes_with_perfect_calibration() -> None:
     """And both messages about it say so, for exposure and distortion come with a grade."""
-    own = {"as_built": "careful", "cameras.onboard.renderer": "mine:Renderer"}
+    tiny = {"as_built": "careful", "cameras.onboard.renderer": "tiny"}
     with pytest.raises(SceneError) as refused:
-        load_scene("close_range", own)
+        load_scene("close_range", tiny)
     assert len(lines := str(refused.value).splitlines()) == 2
     assert all("as_built: perfect" in line for line in lines)
-    load_scene("close_range", own | {"as_built": "perfect"})
+    load_scene("close_range", tiny | {"as_built": "perfect"})
 
 
 def test_a_lens_that_folds_the_frame_is_refused() -> None:
