@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.guarded import called_in
 
 #: Limit of the command line [s]. The slowest shipped scene takes about a minute on one core.
 DEFAULT_WALL_LIMIT_S = 600.0
@@ -35,7 +36,7 @@ def wall_limit(limit_s: float | None) -> Iterator[Callable[[], None]]:
 
     In the main thread of a process a signal interrupts any Python code, also code that never ends; what runs
     outside of Python ends first. In other threads, which get no signals, the limit holds where the block
-    calls the function that it is given.
+    calls the function that it is given. The error names the class of a user's own that was called then.
 
     Yields:
         A function that raises if the limit is reached.
@@ -53,14 +54,17 @@ def wall_limit(limit_s: float | None) -> Iterator[Callable[[], None]]:
             f"limit, found {limit_s}"
         )
     begun = time.monotonic()
-    interrupted = False
+    interrupted, inside = False, ""
 
     def check() -> None:
         if time.monotonic() - begun >= limit_s:
             raise _Reached
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        nonlocal interrupted
+        nonlocal interrupted, inside
+        own = called_in(frame)
+        if not interrupted and own is not None:
+            inside = f", in {own}"
         interrupted = True
         raise _Reached
 
@@ -83,5 +87,6 @@ def wall_limit(limit_s: float | None) -> Iterator[Callable[[], None]]:
         if not interrupted and not isinstance(error, _Reached):
             raise
         raise WallLimitError(
-            f"the trial was stopped after {limit_s:g} s on the wall clock; raise --wall-limit, or simplify it"
+            f"the trial was stopped after {limit_s:g} s on the wall clock{inside}; raise --wall-limit, or "
+            "simplify it"
         ) from None

@@ -8,6 +8,7 @@ import sys
 import traceback
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import FrameType
 from typing import Any, NoReturn
 
 from msrr_scenes.errors import ProgramFailedError
@@ -100,13 +101,31 @@ def unguarded(built: object) -> object:
     return built._inner if isinstance(built, Guarded) else built
 
 
+def called_in(frame: FrameType | None) -> str | None:
+    """Return which guarded object was called in a frame or in one around it, and where; None if none was.
+
+    Args:
+        frame: The innermost frame.
+    """
+    inner: list[tuple[str | None, int | None]] = []
+    while frame is not None:
+        if frame.f_code is Guarded._watched.__code__:
+            guard = frame.f_locals["self"]
+            own_file = file_of(type(guard._inner))
+            own = [place for place in inner if place[0] == own_file] or inner
+            return f"{guard._kind} {guard._name!r}, {_place(*own[0])}" if own else None
+        inner.append((frame.f_code.co_filename, frame.f_lineno))
+        frame = frame.f_back
+    return None
+
+
 def failure(kind: str, name: str, cls: type, member: str, error: BaseException) -> ProgramFailedError:
     """Return the error that names the place in a user's class at which ``error`` was raised."""
     if isinstance(error, ProgramFailedError):
         return error  # from another guarded object, and already named
     trace = error.__traceback__
     called = trace is None or trace.tb_next is not None  # else it was the call itself that does not fit
-    place = raised_at(error, _file(cls)) if called else _definition(cls, member)
+    place = raised_at(error, file_of(cls)) if called else _definition(cls, member)
     return ProgramFailedError(f"{kind} {name!r}, {place}: {member} raised {in_one_line(error)}")
 
 
@@ -147,12 +166,13 @@ def _definition(cls: type, member: str) -> str:
     if code is not None:
         return _place(code.co_filename, code.co_firstlineno)
     try:
-        return _place(_file(cls), inspect.getsourcelines(cls)[1])
+        return _place(file_of(cls), inspect.getsourcelines(cls)[1])
     except (OSError, TypeError):  # no source
-        return _place(_file(cls), None)
+        return _place(file_of(cls), None)
 
 
-def _file(cls: type) -> str | None:
+def file_of(cls: type) -> str | None:
+    """Return the file that a class is defined in; None if it is built in."""
     return getattr(sys.modules.get(cls.__module__), "__file__", None)
 
 

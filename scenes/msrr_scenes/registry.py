@@ -15,7 +15,7 @@ from typing import Any, TypeVar, cast
 from pydantic import BaseModel
 
 from msrr_scenes.errors import MsrrError, SceneError, UnknownNameError
-from msrr_scenes.guarded import Check, Guarded, failure, in_one_line, raised_at
+from msrr_scenes.guarded import Check, Guarded, failure, file_of, in_one_line, raised_at
 from msrr_scenes.specs.spec import Choice
 
 T = TypeVar("T")
@@ -163,10 +163,12 @@ def build(kind: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fix
     except MsrrError:
         raise
     except (Exception, SystemExit) as error:
-        if isinstance(error, ValueError) or (own is None and isinstance(error, TypeError)):
+        if own is None and isinstance(error, ValueError | TypeError):
             raise SceneError(f"{misfit}: {error}") from error
         if own is None:
             raise
+        if isinstance(error, ValueError):  # of the parameters, or of a mistake: the line tells
+            raise SceneError(f"{misfit}, {raised_at(error, file_of(own))}: {in_one_line(error)}") from error
         raise failure(kind, choice.name, own, "__init__", error) from error
     if own is None:
         return built

@@ -52,7 +52,8 @@ def stuck(shipped: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Sce
 
 def test_a_controller_that_never_answers_is_ended_and_its_log_stays(stuck: Scene, tmp_path: Path) -> None:
     begun = time.monotonic()
-    with pytest.raises(WallLimitError, match="after 1 s on the wall clock; raise --wall-limit"):
+    place = r"in controller 'stuck_on_the_clock:Stuck', stuck_on_the_clock\.py line 1\d; raise --wall-limit"
+    with pytest.raises(WallLimitError, match=f"after 1 s on the wall clock, {place}"):
         run_trial(stuck, 1, out=tmp_path / "run", wall_limit_s=1.0)
     assert time.monotonic() - begun < 30.0
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["trial.mcap"]

@@ -141,6 +141,9 @@ def test_a_class_that_fails_while_it_is_built_is_named_with_file_and_line(
     for params in ({"how": "value"}, {"colour": 1}):  # both are for the writer of the scene
         with pytest.raises(SceneError, match="does not take"):
             build("gadget", Choice(name=name, params=params), TABLE)
+    # Of numpy it may be a mistake in the class as well, of which the message alone does not tell the place.
+    with pytest.raises(SceneError, match=r"test_registry\.py line \d+: ValueError: no such colour"):
+        build("gadget", Choice(name=name, params={"how": "value"}), TABLE)
 
 
 class Bare:
