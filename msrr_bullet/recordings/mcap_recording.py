@@ -91,6 +91,8 @@ def open_mcap(
     if next(iter(read_messages(path, [chosen.images])), None) is None:
         raise RecordingError(f"{path}: no message on {chosen.images}")
     check_clock(path, chosen.images)
+    if chosen.odometry is not None:
+        _check_wheels(path, chosen.odometry, wheels())
     first = next(iter(read_messages(path, chosen.all())))
     # Stamps are counted from a whole second before the first one, so that none is negative.
     start_ns = max(first.log_ns - LONGEST_LATENCY_NS, 0) // NS_PER_S * NS_PER_S
@@ -115,6 +117,23 @@ def _chosen(
     return named or next(iter(known), None)
 
 
+def _check_wheels(path: Path, topic: str, reader: WheelReader) -> None:
+    """Refuse odometry that never tells of both wheels: without readings the robot would be taken to stand."""
+    told: set[str] = set()
+    for found in read_messages(path, [topic]):
+        if _angles(path, reader, found) is not None:
+            return
+        told |= set(getattr(found.message, "name", ()))  # of joint states
+    leave_out = f"or leave the odometry out by --odometry {NONE}"
+    wanted = [joint.name for joint in reader.joints or ()]
+    if not told or told.issuperset(wanted):
+        raise RecordingError(f"{path}: {topic}: it tells of no motion; name another topic, {leave_out}")
+    raise RecordingError(
+        f"{path}: {topic}: no message tells of both {' and '.join(wanted)}, but there are "
+        f"{', '.join(sorted(told))}; name two of these as robot.wheel_joints in the target file, {leave_out}"
+    )
+
+
 def _nearest(topic: str, candidates: Sequence[str]) -> str | None:
     """Return the topic of the calibration that shares most of its path with the images; None without one."""
 
@@ -136,12 +155,18 @@ def _items(path: Path, topics: _Topics, start_ns: int, wheels: Callable[[], Whee
             yield RecordedFrame(name, stamp_ns, max(arrival_ns, stamp_ns), decode, number)
             number += 1
             continue
-        try:
-            angles = reader.angles(found.schema, found.message)
-        except DAMAGE as error:
-            raise RecordingError(f"{path}: {found.topic}: not a {found.schema}: {error}") from None
-        if angles is not None and all(map(math.isfinite, angles)):
+        angles = _angles(path, reader, found)
+        if angles is not None:
             yield WheelReading(arrival_ns, stamp_ns, *angles)
+
+
+def _angles(path: Path, reader: WheelReader, found: DecodedMessage) -> tuple[float, float] | None:
+    """Return the angles of both wheels [rad], left first; None if a message does not tell of both."""
+    try:
+        angles = reader.angles(found.schema, found.message)
+    except DAMAGE as error:
+        raise RecordingError(f"{path}: {found.topic}: not a {found.schema}: {error}") from None
+    return angles if angles is not None and all(map(math.isfinite, angles)) else None
 
 
 def _stamp(path: Path, found: DecodedMessage, start_ns: int) -> int:

@@ -193,7 +193,7 @@ def test_topics_that_are_not_there_are_refused_with_those_that_are(trial: Trial,
 def test_a_camera_that_nobody_tells_of_is_refused(trial: Trial, tmp_path: Path) -> None:
     target = tmp_path / "blind.yaml"
     target.write_text("unit: {number: 1, port: rear}")
-    film = write_foxglove(tmp_path / "film.mcap", trial.frames()[:1], [], protobuf=True)
+    film = write_foxglove(tmp_path / "film.mcap", trial.frames()[:1], trial.wheels(), protobuf=True)
     with pytest.raises(SceneError, match=r"blind\.yaml: nothing tells of the camera; give --calibration"):
         perceive(film, target)
 

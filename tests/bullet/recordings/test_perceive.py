@@ -110,6 +110,26 @@ def test_mcap_files_of_its_pictures_give_the_estimates_of_the_trial(
     assert _agree(trial, _estimates(path, target), shift_ns) >= 3
 
 
+@pytest.mark.parametrize(
+    ("joints", "moves", "told"),
+    [
+        (("wheel_l", "wheel_r"), True, r"tells of both wheel_l and wheel_r, but there are l, r; name two"),
+        (("l", "wheel_r"), True, r"tells of both l and wheel_r, but there are l, r; name two"),
+        (("l", "r"), False, r"/joint_states: it tells of no motion; .* --odometry none"),
+    ],
+)
+def test_odometry_that_never_tells_of_the_wheels_is_not_taken_for_a_robot_that_stands(
+    trial: Trial, tmp_path: Path, joints: tuple[str, str], moves: bool, told: str
+) -> None:
+    path, target = tmp_path / "drive.mcap", tmp_path / "target.yaml"
+    nan = [(arrival, replace(reading, left=math.nan)) for arrival, reading in trial.wheels()]
+    write_ros2(path, trial.frames()[:5], trial.wheels() if moves else nan)
+    spec = yaml.safe_load(trial.target.read_text()) | {"robot": {"wheel_joints": list(joints)}}
+    target.write_text(yaml.safe_dump(spec))
+    with pytest.raises(RecordingError, match=told):
+        perceive(path, target)
+
+
 def test_a_lossless_film_without_odometry_agrees_within_its_covariance(trial: Trial, tmp_path: Path) -> None:
     """The robot is taken to move at random, and it moves by less than its largest speed."""
     frames, path = trial.frames()[:6], tmp_path / "film.mkv"
