@@ -6,6 +6,7 @@ import base64
 import fcntl
 import html
 import os
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -65,12 +66,17 @@ def locked(out: Path) -> Iterator[None]:
 
 
 def make_folder(out: Path) -> None:
-    """Make a run folder, if it is not there."""
+    """Make a folder for results, if it is not there, before the work begins.
+
+    Raises:
+        RunFolderError: It cannot be made, or no file can be written there.
+    """
     try:
         out.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=out).close()
     except OSError as error:
         raise RunFolderError(
-            f"{out}: the run folder cannot be made ({error.strerror}); choose another --out"
+            f"{out}: the folder cannot be made or written ({error.strerror}); choose another --out"
         ) from None
 
 

@@ -89,6 +89,7 @@ def calibrate(
     Pictures that show none, or contradict the others, are named and left out.
     """
     from msrr_bullet.figures.coverage import draw_coverage
+    from msrr_bullet.run_folder import make_folder
     from msrr_perception.camera_calibration.fit import MODELS
     from msrr_perception.photographs.picture_files import picture_files
     from msrr_scenes.loading.calibration_file import write_calibration
@@ -99,6 +100,7 @@ def calibrate(
     files = picture_files(images)
     file = out if out.suffix in (".yaml", ".yml") else out / "camera.yaml"
     written = [file, file.with_stem(f"{file.stem}_opencv"), file.with_suffix(".png")]
+    make_folder(file.parent)
     for name in written:
         if name.exists():
             check_writable(name, "--out", files)
@@ -108,7 +110,6 @@ def calibrate(
         found, missed = _calibrated(pattern, files, coefficients, show)
         dubious = 2 * len(missed) > len(files) or found.rms_px > _POOR_RESIDUAL_PX
         doubt = _doubt(pattern, files, missed) if dubious else ""
-        file.parent.mkdir(parents=True, exist_ok=True)
         write_calibration(file, found.told)
         write_calibration(written[1], found.told, "opencv")
         draw_coverage(found, written[2])

@@ -71,6 +71,7 @@ def detect(
 
     The exit code is 2 if one of the files cannot be read.
     """
+    from msrr_bullet.run_folder import make_folder
     from msrr_perception.photographs.picture_files import picture_files
     from msrr_perception.photographs.reading import PictureReader
     from msrr_scenes.loading.calibration_file import read_calibration
@@ -87,7 +88,7 @@ def detect(
                 f"--out {out}: pictures are read from there, and a later command would take what is drawn "
                 "for one of them; name another folder"
             )
-        out.mkdir(parents=True, exist_ok=True)
+        make_folder(out)
     console = open_console(stderr=json_file == STANDARD_OUTPUT)
     work = _Work()
     with status_line(console, "reading") as show:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from msrr_bullet.cli.console import open_console, progress_bar
-from msrr_bullet.cli.options import Run, folder_of, run_or_last
+from msrr_bullet.cli.options import Run, check_writable, folder_of, run_or_last
 from msrr_bullet.cli.run_commands import warn_of_early_end
 from msrr_scenes.errors import SceneError
 
@@ -52,6 +52,7 @@ def film(
     from msrr_bullet.log import unpacked_log
 
     file = out if out is not None else folder_of(run) / FILM_NAME
+    check_writable(file, "--out")
     with unpacked_log(run) as log, progress_bar(open_console()) as bar:
 
         def show_picture(done: int, total: int) -> None:

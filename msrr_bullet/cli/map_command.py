@@ -49,6 +49,7 @@ def map_pictures(
     What contradicts the rest is named and left out.
     """
     lens = _lens(calibration)
+    from msrr_bullet.run_folder import make_folder
     from msrr_bullet.tag_mapping.result_files import write_results
     from msrr_perception.detection.detector import PupilDetector, for_lens
     from msrr_perception.mapping.mapper import map_tags
@@ -57,7 +58,7 @@ def map_pictures(
 
     files = picture_files(images)
     detector = for_lens(PupilDetector(family), lens)
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     console = open_console()
     with status_line(console, "reading the pictures") as show:
         pictures = []

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -178,9 +180,16 @@ def check_writable(file: Path | None, option: str = "--json", taken: Iterable[Pa
     folder = file.absolute().parent
     if file.is_dir() or not folder.is_dir():
         raise SceneError(f"{option} {file}: not a file in an existing folder")
-    written = {file} if file.exists() and not file.is_file() else {folder, file if file.exists() else folder}
-    if not all(os.access(path, os.W_OK) for path in written):
-        raise SceneError(f"{option} {file}: may not be written; name another place")
+    try:
+        if file.is_file() or not file.exists():
+            tempfile.TemporaryFile(dir=folder).close()  # the file is replaced as a whole
+            if file.exists():
+                file.open("r+").close()
+        elif not os.access(file, os.W_OK):  # a device or a pipe, which may wait for its other end
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except OSError as error:
+        text = f"{option} {file}: may not be written ({error.strerror}); name another place"
+        raise SceneError(text) from None
 
 
 def write_output(file: Path | None, text: str) -> None:

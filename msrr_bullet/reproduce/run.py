@@ -16,6 +16,7 @@ from msrr_bullet.reproduce.report.map_plot import draw_map
 from msrr_bullet.reproduce.report.panel_plot import draw_panels
 from msrr_bullet.reproduce.report.strip_plot import draw_strips
 from msrr_bullet.reproduce.unicycle_studies import Contenders, reproduce_unicycle
+from msrr_bullet.run_folder import make_folder
 from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.model import Reproduction
 from msrr_bullet.studies.search_space import Part
@@ -60,7 +61,7 @@ def reproduce(
         mission: Scene of the whole mission.
         on_progress: Called with a line of text that says what is done next.
     """
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
 
     def report(text: str) -> None:
         with (out / "progress.txt").open("a", encoding="utf-8") as lines:

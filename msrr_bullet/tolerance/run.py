@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
 
+from msrr_bullet.run_folder import make_folder
 from msrr_bullet.tolerance.effects import effects_of, select_effects
 from msrr_bullet.tolerance.model import ToleranceStudy
 from msrr_bullet.tolerance.page import write_study
@@ -47,7 +48,7 @@ def run_study(
     """
     known = effects_of(scene)
     chosen = select_effects(known, effects) if effects else known
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     with (out / "progress.txt").open("a", encoding="utf-8", buffering=1) as lines:
 
         def report(text: str) -> None:

@@ -1,5 +1,6 @@
 """The program: help, versions, the commands scenes and check, and bad input."""
 
+import re
 import signal
 import subprocess
 import sys
@@ -10,8 +11,10 @@ import pytest
 import typer
 
 from msrr_bullet.cli.app import app, run
+from msrr_scenes.loading.calibration_file import write_calibration
 from msrr_scenes.loading.file_schema import KINDS
 from msrr_scenes.loading.load import shipped_scenes
+from msrr_scenes.specs.sensors import CalibrationSpec
 
 Capture = pytest.CaptureFixture[str]
 
@@ -105,6 +108,35 @@ def test_check(capsys: Capture, tmp_path: Path) -> None:
     out, err = capsys.readouterr()
     assert err.startswith("msrr: bad.yaml:1:1: ")
     assert "close_range: ok" in out
+
+
+@pytest.mark.parametrize("out", ["/proc/out", "/proc", "file/out"])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["detect", "tag.png"],
+        ["map", "tag.png", "--calibration", "camera.yaml", "--tag-size", "0.1"],
+        ["calibrate", "tag.png", "--board", "7x5", "--square-mm", "30"],
+        ["tolerance", "close_range"],
+        ["reproduce"],
+        ["film", "no/run"],
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_a_place_that_cannot_be_written_is_named_before_the_work(
+    arguments: list[str], out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("tag.png", "file"):
+        (tmp_path / name).write_bytes(b"")
+    told = CalibrationSpec(fx_px=60, fy_px=60, cx_px=32, cy_px=32, width_px=64, height_px=64)
+    write_calibration(tmp_path / "camera.yaml", told)
+    place = f"{out}/film.gif" if arguments[0] == "film" else out
+    assert run([*arguments, "--out", place]) == 2
+    message = capsys.readouterr().err
+    assert message.startswith((f"msrr: --out {place}: ", f"msrr: {place}: ")), message
+    assert message.count("\n") == 1
+    assert re.search(r"choose another --out|name another place|not a file in an existing folder", message)
 
 
 @pytest.mark.parametrize(
