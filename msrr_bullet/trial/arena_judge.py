@@ -52,6 +52,7 @@ class ArenaJudge:
         """
         self._plant, self._clearance, self._locked = simulation.plant, clearance, locked
         scene = simulation.scene
+        self._there = {name for name, body in scene.obstacles.items() if body.appears_at_s <= 0.0}
         self._units, self._arena, self._limit = tuple(scene.units), scene.arena, scene.judge.min_clearance_m
 
     def check(self, poses: Mapping[str, SE2], judges: Iterable[Judge], matters: float = math.inf) -> Safety:
@@ -65,6 +66,8 @@ class ArenaJudge:
             judges: Judges of the steps under way, after the decisions of their robots.
             matters: Clearance below which somebody wants to know it [m]; the outcome is found in any case.
         """
+        appeared = poses.keys() - self._there - set(self._units)
+        self._there |= appeared
         opened = self._locked.opened(self._plant)
         if opened is not None:
             said = f"the lock of {opened.unit} holds {opened.to} no longer"
@@ -78,6 +81,8 @@ class ArenaJudge:
             (x, y), beside = nearest.point_a, " beside its port" if nearest.pair in docking else ""
             one, other = self._in_order(nearest, docking)
             said = f"{one} touched {other}{beside} at ({x:.2f}, {y:.2f}) m"
+            if other in appeared:
+                said = f"{other} appeared where {one} stood, at ({x:.2f}, {y:.2f}) m"
             return Safety(Outcome.COLLISION, nearest.pair, said, nearest)
         tested, limits = nearest, None
         while tested is not None and tested.distance < limit:
@@ -85,6 +90,8 @@ class ArenaJudge:
             if tested.distance < limits.get(tested.pair, limit):
                 one, other = self._in_order(tested, docking)
                 said = f"{one} came within {1e3 * tested.distance:.0f} mm of {other}"
+                if other in appeared:
+                    said = f"{other} appeared within {1e3 * tested.distance:.0f} mm of {one}"
                 return Safety(Outcome.CLEARANCE_VIOLATED, tested.pair, said, nearest)
             exempt.add(tested.pair)
             tested = self._clearance.minimum(poses, exempt, below)

@@ -117,6 +117,25 @@ def test_the_outcome_is_that_of_a_check_of_all_pairs(scene: Scene) -> None:
     assert (None, True) in cases  # docking, and no other body near
 
 
+def test_an_obstacle_that_appears_at_a_unit_is_said_to_have_appeared(scene: Scene) -> None:
+    post = scene.obstacles["post"].model_copy(update={"appears_at_s": 1.0})
+    late = scene.model_copy(update={"obstacles": {"post": post}})
+    model = ClearanceModel.from_scene(late)
+    units = {name: SE2(x, 0.0) for x, name in enumerate("abc")}
+    for place, outcome, said in (
+        (SE2(0.0, 0.0), Outcome.COLLISION, "post appeared where a stood, at ("),
+        (SE2(-0.175, 0.0), Outcome.CLEARANCE_VIOLATED, "post appeared within 15 mm of a"),
+    ):
+        crowded = crowd(late, model, units, place)
+        judges = ArenaJudge(crowded.simulation, model, crowded.locked)
+        assert judges.check(units, []).outcome is None
+        found = judges.check(units | {"post": place}, [])
+        assert found.outcome is outcome
+        assert found.reason.startswith(said)
+        later = judges.check(units | {"post": place}, [])
+        assert later.reason.startswith(("a touched post", "a came within"))
+
+
 def test_an_empty_arena_has_no_clearance(scene: Scene) -> None:
     crowded = crowd(
         scene,

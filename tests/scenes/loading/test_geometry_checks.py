@@ -26,6 +26,16 @@ from msrr_scenes.errors import SceneError
             "obstacles.post.pose",
             "stands 0.015 m from 'b'",
         ),
+        (  # b is where it was
+            {"obstacles.post.pose": "{x_m: 0.45}", "obstacles.post.appears_at_s": "5"},
+            "obstacles.post.pose",
+            "overlaps 'b'",
+        ),
+        (
+            {"obstacles.post.pose": "{x_m: 0.4, y_m: -0.175}", "obstacles.post.appears_at_s": "5"},
+            "obstacles.post.pose",
+            "stands 0.015 m from 'b'",
+        ),
         ({"obstacles.post.height_m": "3"}, "obstacles.post.height_m", "raise cameras.overhead.height_m"),
         ({"obstacles.post.pose.x_m": "1e15"}, "obstacles.post.pose.x_m", "less than or equal to 100"),
         ({"units.c.pose.x_m": "-99"}, "units.c.pose", "outside the arena"),
@@ -43,7 +53,7 @@ def test_starts_that_contradict_each_other(overrides: Mapping[str, str], place: 
     "overrides",
     [
         {"lock.strength_n": "1"},  # weaker than the pull: a trial that ends in lock_failed
-        {"obstacles.post.pose": "{x_m: 0.45}", "obstacles.post.appears_at_s": "5"},  # not there at the start
+        {"obstacles.post.pose": "{frame: a.front}", "obstacles.post.appears_at_s": "5"},  # a is gone by then
         {"units.c.pose.frame": "a.left", "units.c.pose.x_m": "-0.2", "units.c.pose.y_m": "0"},  # moves with a
         {"cameras.overhead": "null", "units.c.pose": "{x_m: 0.9, y_m: 0.3}"},  # in the view of a
     ],
