@@ -3,7 +3,8 @@
 TEXT = """\
 # Photographs, and the same views rendered
 
-Measured on {pictures} photographs of a hand-held walk past tags on walls, with {tags} tags detected, by
+Measured on {pictures} photographs of a hand-held walk past tags on walls, with {tags} tags detected by
+the detector of the robots alone (`msrr detect` searches sharpened pictures as well), by
 `python docs/make_photographs.py PICTURES CALIBRATION TAG_SIZE`, which wrote this page. The size of the
 tags was taken to be {size} m; residuals in pixels do not depend on it.
 

@@ -32,6 +32,7 @@ from msrr_bullet.cli.console import open_closed_streams, open_console
 from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, Terminated, os_error_text, report_error
 from msrr_bullet.cli.options import Overrides, naming_overrides, parse_overrides, write_text
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.wording import counted
 
 if TYPE_CHECKING:
     from msrr_scenes.specs.scene import Scene
@@ -128,7 +129,7 @@ def check(
         except MsrrError as error:
             code = report_error(str(error), BAD_INPUT)
             continue
-        bodies = f"{len(loaded.units)} units, {len(loaded.obstacles)} obstacles"
+        bodies = f"{counted(len(loaded.units), 'unit')}, {counted(len(loaded.obstacles), 'obstacle')}"
         typer.echo(
             f"{file}: ok ({bodies}; {_task(loaded)}; as built: {loaded.as_built}; {scene_hash(loaded)})"
         )

@@ -15,6 +15,7 @@ import typer
 from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.options import STANDARD_OUTPUT, JsonFile, check_writable, write_output
 from msrr_scenes.errors import SceneError
+from msrr_scenes.wording import counted
 
 if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
     from rich.console import Console
@@ -229,8 +230,9 @@ def _report(console: Console, found: CameraCalibration, missed: Sequence[str], d
         )
     used = sum(view.used for view in found.views)
     lines.append(
-        f"{used} pictures: residual {found.rms_px:.3f} px RMS, {found.model.held_out_px:.3f} px of pictures "
-        f"held out; points in {100.0 * covered(found):.0f} % of the picture"
+        f"{counted(used, 'picture')}: residual {found.rms_px:.3f} px RMS, "
+        f"{found.model.held_out_px:.3f} px of pictures held out; "
+        f"points in {100.0 * covered(found):.0f} % of the picture"
     )
     if doubt:
         lines.append(f"the board is in doubt: {doubt}")

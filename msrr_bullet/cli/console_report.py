@@ -13,6 +13,7 @@ from msrr_bullet.trial.result import MissionFigures, TrialResult
 from msrr_bullet.trial.step_result import PlanarPose, StepResult
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.outcome import Outcome
+from msrr_scenes.wording import counted
 
 _UNKNOWN = "-"
 
@@ -134,7 +135,7 @@ def _error(value: float | None, factor: float, unit: str) -> str:
 def sweep_table(summary: SweepSummary) -> Table:
     """Return the table of a sweep."""
     kind = f"{summary.plant}, {summary.perception}, {summary.as_built}"
-    title = f"{summary.scene}, {summary.trials} trials ({kind})"
+    title = f"{summary.scene}, {counted(summary.trials, 'trial')} ({kind})"
     s = summary.success
     interval = f"95 % interval {100 * s.low:.1f} .. {100 * s.high:.1f} %"
     rate = f"{goal(summary.mission is not None)}: {100 * s.rate:.1f} %, {interval}"

@@ -16,6 +16,7 @@ from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import BAD_INPUT, report_error
 from msrr_bullet.cli.options import STANDARD_OUTPUT, JsonFile, check_writable, write_output
 from msrr_scenes.errors import SceneError
+from msrr_scenes.wording import counted
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -174,8 +175,9 @@ def _summary(work: _Work) -> str:
 
     count, tags = len(work.pictures), sum(len(p.tags) for p in work.pictures)
     text = (
-        f"{count} pictures, {tags} tags, {1e3 * work.own_s / count:.1f} ms a picture; the library with its "
-        f"defaults: {work.library_tags} tags, {1e3 * work.library_s / count:.1f} ms"
+        f"{counted(count, 'picture')}, {counted(tags, 'tag')}, {1e3 * work.own_s / count:.1f} ms a picture; "
+        f"the library with its defaults: {counted(work.library_tags, 'tag')}, "
+        f"{1e3 * work.library_s / count:.1f} ms"
     )
     if any(poses for picture in work.pictures for _, poses in picture.tags):
         text += f"\nstandard deviation of a corner's coordinate: {corner_sigma_px(work.pictures):.2f} px"

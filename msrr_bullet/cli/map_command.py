@@ -11,6 +11,7 @@ import typer
 
 from msrr_bullet.cli.console import open_console, status_line
 from msrr_scenes.errors import SceneError
+from msrr_scenes.wording import counted
 
 if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
     from rich.console import Console
@@ -64,7 +65,7 @@ def map_pictures(
         pictures = []
         for picture in tagged_pictures(files, detector, lens):
             pictures.append(picture)
-            show(f"{len(pictures)} pictures read")
+            show(f"{counted(len(pictures), 'picture')} read")
         show("adjusting the map")
         found = map_tags(pictures, lens, tag_size, refine_lens=refine_lens)
         show("drawing")
@@ -111,8 +112,9 @@ def _report(console: Console, found: TagMap) -> None:
     distances = found.distances()
     median, rms = sorted(distances)[len(distances) // 2], math.sqrt(float((distances**2).mean()))
     typer.echo(
-        f"{len(found.tags)} tags in {len(found.X_CM)} pictures: corner residuals {median:.2f} px (median), "
-        f"{rms:.2f} px (RMS); {sum(not s.kept for s in found.sightings)} of {len(found.sightings)} "
+        f"{counted(len(found.tags), 'tag')} in {counted(len(found.X_CM), 'picture')}: "
+        f"corner residuals {median:.2f} px (median), {rms:.2f} px (RMS); "
+        f"{sum(not s.kept for s in found.sightings)} of {len(found.sightings)} "
         "sightings left out"
     )
 

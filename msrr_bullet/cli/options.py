@@ -17,6 +17,7 @@ import typer
 from msrr_bullet.seeds import MAX_SEED
 from msrr_bullet.wall_limit import MAX_WALL_LIMIT_S
 from msrr_scenes.errors import SceneError
+from msrr_scenes.wording import counted
 
 SceneName = Annotated[
     str, typer.Argument(metavar="SCENE", help="Name of a shipped scene, or path of a scene file.")
@@ -141,7 +142,7 @@ def parse_seed_range(text: str) -> range:
     first, colon, last = text.partition(":")
     start = _seed(text, first)
     if not colon:
-        some = f"0:{start} for {start} seeds or " if start > 0 else ""
+        some = f"0:{start} for {counted(start, 'seed')} or " if start > 0 else ""
         one = f"{start}:{start + 1} for seed {start} alone"
         raise SceneError(f"--seeds {text}: a single number is ambiguous; give {some}{one}")
     seeds = range(start, _seed(text, last))

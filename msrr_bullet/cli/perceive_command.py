@@ -10,6 +10,7 @@ import typer
 
 from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import BAD_INPUT, report_error
+from msrr_scenes.wording import counted
 
 if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
     from msrr_bullet.recordings.perceiver import Instant
@@ -90,8 +91,8 @@ def _lines(result: RecordingResult) -> list[str]:
     lines = [f"assumed: {text}" for text in result.assumptions]
     sights = ", ".join(f"{count} {status}" for status, count in result.line_of_sight.items())
     lines.append(
-        f"{result.frames} frames in {result.duration_s:.1f} s: {result.unusable} unusable, target in "
-        f"{result.with_target}, used {result.used}; line of sight: {sights or 'none'}"
+        f"{counted(result.frames, 'frame')} in {result.duration_s:.1f} s: {result.unusable} unusable, "
+        f"target in {result.with_target}, used {result.used}; line of sight: {sights or 'none'}"
     )
     if result.last_pose is None or result.last_sigma is None or result.median_sigma is None:
         return [*lines, f"no estimate: {_why_none(result)}"]

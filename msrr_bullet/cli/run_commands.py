@@ -11,6 +11,7 @@ from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import NOT_DOCKED
 from msrr_bullet.cli.options import Run, folder_of, run_or_last
 from msrr_scenes.errors import SceneError
+from msrr_scenes.wording import counted
 
 if TYPE_CHECKING:  # loaded by the commands that read one, so that msrr --help is quick
     from msrr_bullet.log import Log
@@ -40,10 +41,16 @@ def replay(
         typer.echo(
             f"{mismatch.time_s:.3f} s, {mismatch.what}: {mismatch.logged if mismatch.what == 'log' else both}"
         )
-    counts = f"{report.commands} commands, {report.windows} windows, {report.estimates} estimates"
+    counts = ", ".join(
+        (
+            counted(report.commands, "command"),
+            counted(report.windows, "window"),
+            counted(report.estimates, "estimate"),
+        )
+    )
     if report.statuses:
         counts += (
-            f", {report.reports} reports; base station: {report.statuses} decisions, "
+            f", {counted(report.reports, 'report')}; base station: {counted(report.statuses, 'decision')}, "
             f"{report.authorities} authorities"
         )
     verdict = "identical" if report.identical else "different"
@@ -99,7 +106,7 @@ def frames(
     with status_line(open_console(), f"{run}: drawing"), unpacked_log(run) as log:
         written = write_frames(log, folder, camera, every_s=every, count=count)
     warn_of_early_end(log)
-    typer.echo(f"{folder}: {len(written.frames)} frames, {written.sheet.name}")
+    typer.echo(f"{folder}: {counted(len(written.frames), 'frame')}, {written.sheet.name}")
 
 
 def plot(

@@ -35,6 +35,7 @@ from msrr_bullet.seeds import MAX_SEED
 from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
 from msrr_scenes.errors import SceneError
 from msrr_scenes.outcome import Outcome
+from msrr_scenes.wording import counted
 
 if TYPE_CHECKING:  # the commands that need these load them, so that msrr --help is quick
     from rich.console import Console
@@ -290,5 +291,5 @@ def sweep(
     if summary.failures:
         raise typer.Exit(BAD_INPUT if all(f.stopped for f in summary.failures) else PROGRAM_ERROR)
     if failed := summary.outcomes.get(Outcome.PROGRAM_FAILED.value):
-        text = f"the program of the unit failed in {failed} of {summary.trials} trials"
+        text = f"the program of the unit failed in {failed} of {counted(summary.trials, 'trial')}"
         raise typer.Exit(report_error(f"{text}; msrr dock --seed shows one of them", BAD_INPUT))

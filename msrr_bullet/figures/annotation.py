@@ -25,6 +25,7 @@ from msrr_scenes.geometry.lens import frame_outline
 from msrr_scenes.messages import OVERHEAD, Phase, carrier_of, seconds
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.wording import counted
 
 #: Width up to which small frames are enlarged [px].
 WIDTH = 1280
@@ -214,9 +215,5 @@ def _detection_text(view: CameraView) -> str:
     """Return how many tags were found, and how much of the frame was read, in words."""
     if view.exposure.frame < 0:
         return "drawn from truth alone"
-    tags, windows = _counted(len(view.tags), "tag"), _counted(len(view.windows), "window")
+    tags, windows = counted(len(view.tags), "tag"), counted(len(view.windows), "window")
     return f"{tags} found, read {100.0 * view.read_share:.0f} % of the frame in {windows}"
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"

@@ -13,6 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from msrr_bullet.figures.style import FAINT, SMALL, new_figure, save, styled
 from msrr_bullet.timeline.palette import BLUE, VERMILLION, css
 from msrr_perception.camera_calibration.result import CameraCalibration, FittedView
+from msrr_scenes.wording import counted
 
 _WIDTH_IN, _HEIGHT_IN = 16.0, 6.5
 
@@ -107,5 +108,5 @@ def _draw_residuals(axes: Axes, calibration: CameraCalibration) -> None:
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     left_out = sum(not view.used for view in views)
     text = f", {left_out} left out" if left_out else ""
-    axes.set_title(f"{len(views)} pictures{text}: {calibration.rms_px:.2f} px RMS")
+    axes.set_title(f"{counted(len(views), 'picture')}{text}: {calibration.rms_px:.2f} px RMS")
     axes.set_ylabel("residual [px]")

@@ -9,6 +9,7 @@ from pathlib import Path
 from msrr_bullet.recordings.recording import RecordedFrame, Recording, RecordingError
 from msrr_perception.photographs.picture_files import FILMS, picture_files, read_film, read_picture
 from msrr_scenes.messages import NS_PER_S, Pixels
+from msrr_scenes.wording import counted
 
 
 def open_film(path: Path, latency_ns: int) -> Recording:
@@ -56,7 +57,7 @@ def open_pictures(path: Path, rate_hz: float, latency_ns: int) -> Recording:
             decode = partial(read_picture, file)
             yield RecordedFrame(str(file), stamp_ns, stamp_ns + latency_ns, decode, number)
 
-    return Recording(f"{path}, {len(files)} pictures at {rate_hz:g} Hz", frames, has_times=False)
+    return Recording(f"{path}, {counted(len(files), 'picture')} at {rate_hz:g} Hz", frames, has_times=False)
 
 
 def _known(pixels: Pixels) -> Pixels:

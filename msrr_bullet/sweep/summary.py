@@ -8,6 +8,7 @@ from msrr_bullet.statistics import Quantiles, Rate, interval_text
 from msrr_scenes.html import html_table
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.control import Perception, Plant
+from msrr_scenes.wording import counted
 
 
 class TrialFailure(BaseModel, frozen=True):
@@ -176,7 +177,7 @@ class SweepSummary(BaseModel, frozen=True):
         rows += [("without a result", str(len(self.failures)), "", "")] if self.failures else []
         kind = f"{self.plant}, {self.perception}, {self.as_built}"
         rate = f"{100 * s.rate:.1f} % succeed, 95 % interval {100 * s.low:.1f} .. {100 * s.high:.1f} %"
-        title = f"{self.scene}, {self.trials} trials ({kind}): {rate}"
+        title = f"{self.scene}, {counted(self.trials, 'trial')} ({kind}): {rate}"
         head = ("", "median (95 % interval)", "95 % (95 % interval)", "largest")
         return html_table(title, rows, head)
 

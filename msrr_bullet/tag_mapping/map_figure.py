@@ -14,6 +14,7 @@ from msrr_perception.mapping.mapper import TagMap
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import R_BODY_OPTICAL
 from msrr_scenes.geometry.unit_geometry import tag_corners
+from msrr_scenes.wording import counted
 
 _WIDTH_IN, _HEIGHT_IN = 15.0, 7.5
 
@@ -43,8 +44,11 @@ def draw_map(tag_map: TagMap, path: Path) -> Path:
             _draw(axes, tag_map.reference, tags, cameras)
             axes.view_init(elevation, azimuth)
             axes.set_title(title)
+            if elevation == 90.0:  # heights lie one upon the other
+                axes.set(zticks=[], zlabel="")
         figure.suptitle(
-            f"{len(tags)} tags, {len(cameras)} pictures; axes in metres from tag {tag_map.reference}"
+            f"{counted(len(tags), 'tag')}, {counted(len(cameras), 'picture')}; "
+            f"metres from tag {tag_map.reference}"
         )
         return save(figure, path)
 
@@ -74,4 +78,5 @@ def _draw(axes: Axes3D, reference: int, tags: dict[int, Array], cameras: list[Ar
     low, high = points.min(axis=0), points.max(axis=0)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(np.maximum(high - low, 0.05 * (high - low).max()))
+    axes.set(xlabel="into the tag", ylabel="left", zlabel="up")
     axes.tick_params(labelsize=SMALL - 4.0)

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from msrr_bullet.figures.style import FAINT, SMALL, new_figure, save, styled
 from msrr_bullet.timeline.palette import BLUE, VERMILLION, css
 from msrr_perception.mapping.mapper import MappedSighting, TagMap
+from msrr_scenes.wording import counted
 
 #: Largest number of pictures whose names fit below an axis.
 _MOST_NAMES = 60
@@ -41,7 +42,8 @@ def draw_residuals(tag_map: TagMap, path: Path) -> Path:
         _bars(by_tag, tag_map.sightings, [str(s.tag_id) for s in tag_map.sightings], "tag")
         distances = tag_map.distances()
         figure.suptitle(
-            f"{len(distances)} corners of {len(tag_map.tags)} tags in {len(tag_map.X_CM)} pictures: "
+            f"{counted(len(distances), 'corner')} of {counted(len(tag_map.tags), 'tag')} in "
+            f"{counted(len(tag_map.X_CM), 'picture')}: "
             f"median {np.median(distances):.2f} px, RMS {np.sqrt(np.mean(distances**2)):.2f} px"
         )
         return save(figure, path)

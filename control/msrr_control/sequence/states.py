@@ -28,6 +28,7 @@ from msrr_control.sequence.evidence import (
 from msrr_control.sequence.observation import GiveUp
 from msrr_control.sequence.search import scan, turn_rate
 from msrr_scenes.messages import Belief, Conviction, FailureReason, LockPosition, MonitorState, Phase, Twist
+from msrr_scenes.wording import counted
 
 STILL = Twist()
 
@@ -261,8 +262,7 @@ def _after_retreat(c: DockingContext) -> Transition:
     if c.undocking:
         return Transition(Phase.DONE, f"undocked, {c.gap:.3f} m away")
     if c.attempt >= c.spec.attempts:
-        attempts = f"{c.attempt} attempt{'' if c.attempt == 1 else 's'}"
-        reason = f"gave up after {attempts}: {c.belief.reason}"
+        reason = f"gave up after {counted(c.attempt, 'attempt')}: {c.belief.reason}"
         return Transition(Phase.FAILED, reason, c.belief.setback)
     c.attempt += 1
     reason = f"attempt {c.attempt} from {c.gap:.3f} m: {c.belief.reason}"

@@ -11,6 +11,7 @@ from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.specs.faults import CameraBlackout, PortPlugged
 from msrr_scenes.specs.plan import DockStep, ancestors, in_order
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.wording import counted
 
 
 def plan_problems(scene: Scene) -> list[Problem]:
@@ -61,7 +62,8 @@ def _shape_problems(scene: Scene) -> Iterator[Problem]:
                 text = f"no unit named {name!r}{nearest(name, scene.units)} Units: {', '.join(scene.units)}"
                 yield Problem((*path, name), text)
         if shape.count > len(scene.units):
-            text = f"{shape.count} places, but {len(scene.units)} units; add units, or take places out"
+            text = f"{counted(shape.count, 'place')}, but {counted(len(scene.units), 'unit')}"
+            text += "; add units, or take places out"
             yield Problem(path, text)
 
 

@@ -48,7 +48,7 @@ def test_good_pictures_are_read_and_bad_ones_reported(
     printed = capfd.readouterr()
     assert printed.err.count("\n") == 1
     assert "bad.png: not a picture" in printed.err
-    assert "1 pictures, 1 tags" in printed.out
+    assert "1 picture, 1 tag" in printed.out
     (image,) = json.loads(Path("tags.json").read_text())["images"]
     (tag,) = image["detections"]
     assert (tag["id"], tag["family"], tag["hamming"]) == (5, "tag36h11", 0)

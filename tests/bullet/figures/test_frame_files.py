@@ -60,5 +60,5 @@ def test_what_cannot_be_drawn_is_refused(short_log, blind_run, tmp_path, capsys)
 
 def test_the_command_writes_beside_the_log(short_run, capsys):
     assert run(["frames", str(short_run), "--camera", "onboard", "--count", "1"]) == 0
-    assert "1 frames" in capsys.readouterr().out.replace("\n", " ")
+    assert "1 frame," in capsys.readouterr().out.replace("\n", " ")
     assert (short_run / "frames" / "sheet.png").is_file()
