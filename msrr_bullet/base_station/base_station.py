@@ -12,10 +12,9 @@ from msrr_control.coordination.coordinator import Coordinator
 from msrr_control.coordination.embedding import fits
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.precedence import precedence
 from msrr_control.coordination.route_finder import RouteParams
 from msrr_control.coordination.shape import Shape
-from msrr_control.coordination.tasks import plan_tasks
+from msrr_control.coordination.tasks import plan_tasks, shape_tasks
 from msrr_control.staging.registry import route_params
 from msrr_control.staging.setup import AssemblySetup
 from msrr_perception.detection.detector import scene_detector
@@ -137,14 +136,18 @@ def check_mission(scene: Scene) -> None:
         SceneError: The mission contradicts itself, or its shape cannot be built or does not fit into what the
             overhead camera sees of the arena.
     """
-    mission: Mission | None = mission_of(scene)
+    mission = mission_of(scene)
     knowledge = knowledge_of(scene)
+    if mission.shape is None:
+        try:
+            plan_tasks(mission.steps, mission.holders, knowledge.lanes)
+        except SceneError as error:
+            raise SceneError(f"plan: {error}") from error
     for k in range(len(scene.shape or ())):
-        assert mission is not None
         assert mission.shape is not None
         key = dotted(scene.shape_key(k))
         try:
-            precedence(mission.shape, knowledge.lanes)
+            shape_tasks(mission.shape, knowledge.lanes)
         except SceneError as error:
             raise SceneError(f"{key}: {error}") from error
         x0, x1, y0, y1 = knowledge.finder.box
@@ -156,14 +159,14 @@ def check_mission(scene: Scene) -> None:
                 f"{y1 - y0:.2f} m of the arena that the overhead camera sees; take fewer units, enlarge the "
                 "arena, or raise cameras.overhead.height_m"
             )
-        mission = mission.then
+        mission = mission.then or mission
 
 
 def mission_of(scene: Scene) -> Mission:
     """Return what a scene asks of its base station.
 
     Raises:
-        SceneError: The shape or the plan contradicts itself.
+        SceneError: The shape contradicts itself.
     """
     mission: Mission | None = None
     for k, spec in reversed(list(enumerate(scene.shape or ()))):
@@ -172,7 +175,7 @@ def mission_of(scene: Scene) -> Mission:
         except SceneError as error:
             raise SceneError(f"{dotted(scene.shape_key(k))}: {error}") from error
         mission = Mission(shape, spec.named, name=str(spec), then=mission)
-    mission = mission or Mission(tasks=tuple(plan_tasks(scene.plan)))
+    mission = mission or Mission(steps=scene.plan)
     return replace(mission, one_by_one=scene.one_by_one, holders=scene.holders)
 
 

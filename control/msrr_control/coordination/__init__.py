@@ -5,10 +5,9 @@ from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.coordinator import Coordinator
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission, Patience
-from msrr_control.coordination.precedence import precedence
 from msrr_control.coordination.route_finder import RouteParams
 from msrr_control.coordination.shape import Shape
-from msrr_control.coordination.tasks import plan_tasks
+from msrr_control.coordination.tasks import plan_tasks, shape_tasks
 
 __all__ = [
     "Body",
@@ -20,5 +19,5 @@ __all__ = [
     "RouteParams",
     "Shape",
     "plan_tasks",
-    "precedence",
+    "shape_tasks",
 ]

@@ -43,7 +43,7 @@ class Coordinator:
             knowledge: Geometry, routes and assumed speeds.
 
         Raises:
-            SceneError: The shape cannot be built.
+            SceneError: The shape cannot be built, or the plan contradicts itself.
         """
         self._know, self._patience = knowledge, Patience()
         self._units = {name: UnitRecord(name, retreat_m=knowledge.retreat_m) for name in units}
@@ -68,8 +68,7 @@ class Coordinator:
     def _set_out(self, mission: Mission) -> None:
         """Begin a mission, or the next one of several."""
         self._mission, self._siting = mission, Siting(mission, self._know)
-        self._reason = "" if self._siting.chosen else "waits for the first sight of the units"
-        self._tasks = TaskList(mission.tasks)
+        self._reason, self._tasks = "waits for the first sight of the units", TaskList(())
         for unit in self._units.values():
             unit.task, unit.evasions = None, 0
         self._changed = True
@@ -173,7 +172,10 @@ class Coordinator:
     # Where the shape stands.
 
     def _choose_site(self, now_ns: int) -> None:
-        """Choose where the shape is built when all are seen; again if its root fails before anybody docks."""
+        """Choose where the shape is built, or the order of a plan, when all are seen.
+
+        The shape is placed again if its root fails before anybody docks.
+        """
         siting, units = self._siting, list(self._units.values())
         if siting.chosen:
             root = None if self._mission.shape is None else self._mission.shape.root.name

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from msrr_control.coordination.shape import Shape
-from msrr_control.coordination.tasks import Task
+from msrr_scenes.specs.plan import PlanStep
 
 
 @dataclass(frozen=True)
@@ -54,12 +54,12 @@ class Patience:
 
 @dataclass(frozen=True)
 class Mission:
-    """What is to be reached: a shape that is built anywhere, or a list of tasks.
+    """What is to be reached: a shape that is built anywhere, or a plan of steps.
 
     Attributes:
-        shape: The shape; None for a list of tasks.
+        shape: The shape; None for a plan.
         named: Whether the places of the shape are named by the units that have to take them.
-        tasks: The tasks of a mission without a shape, in an order in which they can be granted.
+        steps: The steps of the plan, for a mission without a shape.
         one_by_one: Whether only one unit may be under way at a time, for comparison.
         holders: Port ``<unit>.<port>`` that each unit is locked to at the start.
         name: Name of the shape, for the status.
@@ -69,7 +69,7 @@ class Mission:
 
     shape: Shape | None = None
     named: bool = False
-    tasks: tuple[Task, ...] = ()
+    steps: Sequence[PlanStep] = ()
     one_by_one: bool = False
     holders: Mapping[str, str] = field(default_factory=dict)
     name: str = ""

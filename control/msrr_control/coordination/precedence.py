@@ -1,18 +1,17 @@
-"""The order in which places can be taken: parents before children, nobody in a lane before its unit."""
+"""The order in which ports can be docked to: nobody stands in a lane before the unit that needs it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from graphlib import CycleError, TopologicalSorter
-from itertools import pairwise
+from collections.abc import Iterable, Mapping, Sequence
+from graphlib import TopologicalSorter
+from typing import NamedTuple
 
 import numpy as np
 
 from msrr_control.coordination.bodies import Body
-from msrr_control.coordination.shape import LEAST_GAP_M, Shape
+from msrr_control.coordination.shape import LEAST_GAP_M
 from msrr_control.planning.route import RouteSpec
 from msrr_scenes.arrays import Array
-from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 
 #: Distance between the poses of a lane that are compared with other bodies [m].
@@ -64,49 +63,83 @@ def compose(X_WA: SE2, poses: Array) -> Array:
     return np.concatenate([points, poses[:, 2:] + X_WA.yaw], axis=1)
 
 
-def precedence(shape: Shape, lanes: Lanes) -> dict[str, tuple[str, ...]]:
-    """Return for every place the places that have to be taken before it, in the order of the shape.
+class Stay(NamedTuple):
+    """Where a unit stands from the end of one of its tasks to the beginning of the next.
 
-    Raises:
-        SceneError: The shape cannot be built; the message says why.
+    Attributes:
+        unit: The unit; the place, in a shape.
+        frame: Frame of the pose. Poses in two frames cannot be compared.
+        pose: Pose of the axle in that frame.
+        begins: Task that ends here; None for where the unit stands at the start.
+        ends: Task that begins here; None if the unit stays.
+        port: Port ``<unit>.<port>`` in which it is; empty in the open.
+        may_make_way: Whether the unit can be sent out of the way.
     """
-    problem = shape.problem(lanes.body)
-    if problem is not None:
-        raise SceneError(problem)
-    poses = shape.poses(SE2(), lanes.body)
-    before: dict[str, list[str]] = {p.name: [] if p.parent is None else [p.parent] for p in shape.places}
-    for place in shape.places[1:]:
-        others = [p.name for p in shape.places if p.name not in (place.name, place.parent)]
-        closes = lanes.closes(
-            poses[place.name], np.array([poses[o].as_array() for o in others]).reshape(-1, 3)
-        )
-        for other, does in zip(others, closes, strict=True):
-            if does:
-                before[other].append(place.name)
-    order = topological_order([p.name for p in shape.places], before)
-    if isinstance(order, CycleError):
-        ring = order.args[1]
-        reasons = ", ".join(f"{a} before {b}" for a, b in pairwise(ring))
-        raise SceneError(
-            f"a lane is closed by what has to be built before it: {reasons} (a parent comes before its "
-            "child, and a unit before those that would stand in its lane); dock one of them elsewhere"
-        )
-    return {name: tuple(dict.fromkeys(before[name])) for name in order}
+
+    unit: str
+    frame: str
+    pose: SE2
+    begins: str | None = None
+    ends: str | None = None
+    port: str = ""
+    may_make_way: bool = False
 
 
-def topological_order(names: Iterable[str], before: Mapping[str, Iterable[str]]) -> list[str] | CycleError:
-    """Return the names in an order in which those ``before`` come first, else in the given order.
+def precede(before: dict[str, list[str]], stays: Sequence[Stay], lanes: Lanes) -> list[tuple[Stay, str]]:
+    """Put tasks that need a lane before those whose units would stand in it, or behind those that free it.
+
+    A task that docks needs the lane of its port, and one that leaves a port needs that port's. What is in
+    ``before`` holds: an order that contradicts it is not added.
+
+    Args:
+        before: For every task those before it, to which the order is added.
+        stays: Where all units stand, and between which tasks.
+        lanes: Lanes of the units.
 
     Returns:
-        The order, or the error that names a ring, in which each comes before the next.
+        Who stands in the lane of a docking in every order that is left, and the docking.
+    """
+    conflicts = []
+    docked = [stay for stay in stays if stay.port]
+    needs = [(stay, stay.begins) for stay in docked] + [(stay, stay.ends) for stay in docked]
+    for stay, task in needs:
+        if task is None:
+            continue
+        holder = stay.port.partition(".")[0]
+        others = [o for o in stays if o.frame == stay.frame and o.unit not in (stay.unit, holder)]
+        closes = lanes.closes(stay.pose, np.array([o.pose.as_array() for o in others]).reshape(-1, 3))
+        for other in (o for o, does in zip(others, closes, strict=True) if does):
+            if other.begins is not None and other.begins not in _ancestors(before, task):
+                before[other.begins].append(task)
+            elif other.may_make_way:
+                continue
+            elif other.ends is not None and task not in _ancestors(before, other.ends):
+                before[task].append(other.ends)
+            elif task == stay.begins and other.port != stay.port:  # whose port it is shows when one is in it
+                conflicts.append((other, task))
+    return conflicts
+
+
+def _ancestors(before: Mapping[str, Iterable[str]], task: str) -> set[str]:
+    """Return a task and all that come before it."""
+    known, pending = {task}, [task]
+    while pending:
+        new = [earlier for earlier in before[pending.pop()] if earlier not in known]
+        known.update(new)
+        pending += new
+    return known
+
+
+def topological_order(names: Iterable[str], before: Mapping[str, Iterable[str]]) -> list[str]:
+    """Return the names in an order in which those ``before`` come first, else in the given order.
+
+    Raises:
+        CycleError: There is none; its second argument is a ring of names, each before the next.
     """
     listed = list(names)
     rank = {name: k for k, name in enumerate(listed)}
     sorter = TopologicalSorter({name: list(before[name]) for name in listed})
-    try:
-        sorter.prepare()
-    except CycleError as ring:
-        return ring
+    sorter.prepare()
     order: list[str] = []
     ready: list[str] = []
     while sorter.is_active():

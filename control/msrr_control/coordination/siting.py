@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from msrr_control.coordination.embedding import embedding
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.precedence import Lanes, precedence
+from msrr_control.coordination.precedence import Lanes
 from msrr_control.coordination.reconfiguration import (
     Reconfiguration,
     assembly_ports,
@@ -17,7 +17,7 @@ from msrr_control.coordination.reconfiguration import (
     shape_ports,
 )
 from msrr_control.coordination.shape import Shape
-from msrr_control.coordination.tasks import Task, shape_tasks
+from msrr_control.coordination.tasks import Task, plan_tasks, shape_tasks
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
@@ -28,18 +28,25 @@ _MOST_MOVES = 3
 
 
 class Siting:
-    """Chooses where the shape of a mission is built and by whom, or how an assembly becomes the shape.
+    """Chooses where the shape of a mission is built and by whom, or the order of the steps of a plan.
 
     Attributes:
-        chosen: Whether that is known; there is nothing to choose for a mission without a shape.
+        chosen: Whether that is known.
         moves: How often it had to be chosen again.
     """
 
     def __init__(self, mission: Mission, knowledge: Knowledge) -> None:
-        """Begin before anything is chosen."""
+        """Begin before anything is chosen.
+
+        Raises:
+            SceneError: The shape cannot be built, or the plan contradicts itself.
+        """
         self._mission, self._know = mission, knowledge
-        self._before = {} if mission.shape is None else precedence(mission.shape, knowledge.lanes)
-        self.chosen, self.moves = mission.shape is None, 0
+        if mission.shape is None:
+            self._tasks = plan_tasks(mission.steps, mission.holders, knowledge.lanes)
+        else:
+            self._tasks = shape_tasks(mission.shape, knowledge.lanes)
+        self.chosen, self.moves = False, 0
 
     def choose(
         self, units: Iterable[UnitRecord], obstacles: tuple[ObstacleEstimate, ...]
@@ -58,8 +65,10 @@ class Siting:
         """
         mission, shape = self._mission, self._mission.shape
         lanes, box = self._know.lanes, self._know.finder.box
-        assert shape is not None
         self.chosen, units = True, list(units)
+        if shape is None:
+            seen = {unit.name: unit.pose for unit in units if unit.X_WU is not None}
+            return plan_tasks(mission.steps, mission.holders, lanes, seen), {}
         there = {unit.name: unit.pose for unit in units if unit.X_WU is not None and _may_take_part(unit)}
         if mission.holders:
             root = next(iter(assembly_ports(mission.holders)))
@@ -72,7 +81,7 @@ class Siting:
             if unit.X_WU is not None and not _may_take_part(unit)
         ]
         keep_out += [(o.X_WB.x, o.X_WB.y, o.radius) for o in obstacles]
-        part = _part(shape, self._before, there, mission.named)
+        part = _part(shape, self._tasks, there, mission.named)
         found = embedding(
             part,
             there,
@@ -85,7 +94,7 @@ class Siting:
         )
         if found is None:
             raise SceneError("the shape and the lanes to it do not fit into the arena")
-        return shape_tasks(shape, self._before, found.X_WR, mission.named), dict(found.units)
+        return shape_tasks(shape, lanes, mission.named, found.X_WR), dict(found.units)
 
     def may_move(self, units: Iterable[UnitRecord]) -> bool:
         """Return whether the shape can still be built elsewhere: nobody moves, and nobody has docked.
@@ -110,7 +119,7 @@ def check_shapes(mission: Mission, lanes: Lanes) -> None:
     form = dict.fromkeys(assembly_ports(mission.holders).values(), "") if mission.holders else None
     stage: Mission | None = mission
     while stage is not None and stage.shape is not None:
-        precedence(stage.shape, lanes)
+        shape_tasks(stage.shape, lanes)
         goal = dict.fromkeys(shape_ports(stage.shape).values(), "")
         if form is not None:
             if len(form) != len(goal):
@@ -125,9 +134,7 @@ def _may_take_part(unit: UnitRecord) -> bool:
     return unit.state in (UnitState.IDLE, UnitState.DOCKED)
 
 
-def _part(
-    shape: Shape, before: Mapping[str, tuple[str, ...]], there: Mapping[str, SE2], named: bool
-) -> Shape:
+def _part(shape: Shape, tasks: Sequence[Task], there: Mapping[str, SE2], named: bool) -> Shape:
     """Return as much of a shape as there are units for.
 
     Raises:
@@ -139,7 +146,7 @@ def _part(
             if place.name in there and (place.parent is None or place.parent in names):
                 names.append(place.name)
     else:
-        names = list(before)[: len(there)]
+        names = [task.name for task in tasks[: len(there)]]
     if not names:
         raise SceneError("no unit is there for the root of the shape")
     return Shape(tuple(place for place in shape.places if place.name in names))

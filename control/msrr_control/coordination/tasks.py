@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from graphlib import CycleError
 
-from msrr_control.coordination.precedence import topological_order
+from msrr_control.coordination.bodies import Body
+from msrr_control.coordination.precedence import Lanes, Stay, precede, topological_order
 from msrr_control.coordination.shape import Shape
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
@@ -65,46 +66,69 @@ class Task:
         return self.after if self.parent is None else (self.parent, *self.after)
 
 
-def shape_tasks(shape: Shape, before: Mapping[str, Iterable[str]], X_WR: SE2, named: bool) -> list[Task]:
-    """Return the tasks that build a shape with its root at ``X_WR``, in an order to grant them in.
+def shape_tasks(shape: Shape, lanes: Lanes, named: bool = False, X_WR: SE2 | None = None) -> list[Task]:
+    """Return the tasks that build a shape, in an order in which they can be granted.
+
+    Parents come before their children, and a unit before those that would stand in its lane.
 
     Args:
         shape: The shape.
-        before: Its precedence, in that order; see :func:`~msrr_control.coordination.precedence.precedence`.
-        X_WR: Pose of the root.
+        lanes: Lanes of the units.
         named: Whether places are named by the units that have to take them.
+        X_WR: Pose of the root; None where it is not chosen yet.
+
+    Raises:
+        SceneError: The shape cannot be built; the message says why.
     """
+    problem = shape.problem(lanes.body)
+    if problem is not None:
+        raise SceneError(problem)
+    poses = shape.poses(SE2(), lanes.body)
+    before = {p.name: [p.parent] if p.parent else [] for p in shape.places}
+    stays = [
+        Stay(p.name, "", poses[p.name], p.name, port=f"{p.parent}.{p.port}" if p.parent else "")
+        for p in shape.places
+    ]
+    for other, closed in precede(before, stays, lanes):
+        raise SceneError(
+            f"{other.begins} has to be built before {closed} and closes its lane (a parent comes before its "
+            "child, and a unit before those that would stand in its lane); dock one of them elsewhere"
+        )
     tasks = []
-    for name, earlier in before.items():
+    for name in topological_order(before, before):
         place = shape.by_name[name]
         unit = name if named else None
         if place.parent is None:
             tasks.append(Task(name, TaskKind.MOVE, unit, pose=X_WR, stays=True))
         else:
-            tasks.append(
-                Task(
-                    name,
-                    TaskKind.DOCK,
-                    unit,
-                    parent=place.parent,
-                    port=place.port,
-                    behind=tuple(earlier),
-                    stays=True,
-                )
-            )
+            behind, parent = tuple(dict.fromkeys(before[name])), place.parent
+            tasks.append(Task(name, TaskKind.DOCK, unit, parent, port=place.port, behind=behind, stays=True))
     return tasks
 
 
-def plan_tasks(steps: Sequence[PlanStep]) -> list[Task]:
+def plan_tasks(
+    steps: Sequence[PlanStep],
+    holders: Mapping[str, str],
+    lanes: Lanes,
+    there: Mapping[str, SE2] | None = None,
+) -> list[Task]:
     """Return the tasks of an explicit plan, in an order in which they can be granted.
 
     A step without ``after`` comes after the one before it in the plan, and two steps of one unit keep the
     order of the plan, whether they say so or not. A docking that may come before a step of the unit that it
-    docks to or after it is granted behind that step.
+    docks to or after it is granted behind that step. As far as all this leaves the order open, a step is
+    granted before those whose units would stand in the lane of its port.
+
+    Args:
+        steps: Steps of the plan.
+        holders: Port ``<unit>.<port>`` that each unit is locked to at the start.
+        lanes: Lanes of the units.
+        there: Pose of every unit that has been seen; None before that. Without them only units that are
+            locked to each other by then, or that drive to a pose that the plan names, are compared.
 
     Raises:
-        SceneError: A step comes after one that does not exist, two steps have one name, or a ring of steps
-            waits for itself.
+        SceneError: A step comes after one that does not exist, two steps have one name, a ring of steps
+            waits for itself, or a unit that is locked to others closes a lane in every order of the steps.
     """
     names = [step.label for step in steps]
     for step, name in zip(steps, names, strict=True):
@@ -113,19 +137,61 @@ def plan_tasks(steps: Sequence[PlanStep]) -> list[Task]:
                 raise SceneError(f"step {name!r} comes after {earlier!r}; steps: {', '.join(names)}")
         if names.count(name) > 1:
             raise SceneError(f"two steps are named {name!r}; give one of them another `name`")
-    before = predecessors(steps)
-    tasks = {
-        name: _plan_task(
-            step,
-            after=tuple(names[i] for i in before[k]),
-            behind=tuple(names[i] for i in steps_of_target(steps, k)),
-        )
-        for k, (step, name) in enumerate(zip(steps, names, strict=True))
+    after = {names[k]: [names[i] for i in earlier] for k, earlier in enumerate(predecessors(steps))}
+    before = {
+        name: [*after[name], *(names[i] for i in steps_of_target(steps, k))] for k, name in enumerate(names)
     }
-    order = topological_order(names, {t.name: (*t.after, *t.behind) for t in tasks.values()})
-    if isinstance(order, CycleError):
-        raise SceneError(f"steps wait for each other in a ring: {', '.join(order.args[1])}")
-    return [tasks[name] for name in order]
+    by_name = dict(zip(names, steps, strict=True))
+    try:
+        in_order = [by_name[name] for name in topological_order(names, before)]
+    except CycleError as error:
+        raise SceneError(f"steps wait for each other in a ring: {', '.join(error.args[1])}") from error
+    for other, name in precede(before, _stays(in_order, holders, lanes.body, {}), lanes):
+        since = "since the start" if other.begins is None else f"since step {other.begins!r}"
+        raise SceneError(
+            f"step {name!r} cannot be done: {other.unit!r} stands in the lane of its port by then, {since}; "
+            "change `after` of one of them, or name another port"
+        )
+    if there:
+        # Who can never get by is told when everything else is done: only then is it certain.
+        precede(before, _stays(in_order, holders, lanes.body, there), lanes)
+    behind = {name: tuple(b for b in dict.fromkeys(before[name]) if b not in after[name]) for name in names}
+    return [
+        _plan_task(by_name[name], tuple(after[name]), behind[name])
+        for name in topological_order(names, before)
+    ]
+
+
+def _stays(
+    steps: Sequence[PlanStep], holders: Mapping[str, str], body: Body, there: Mapping[str, SE2]
+) -> list[Stay]:
+    """Return where all units stand between their steps, which are given in an order to be done in.
+
+    Poses of units that have not been seen are in the frame of the root to which they are locked.
+    """
+
+    def start(unit: str) -> Stay:
+        holder, _, port = holders.get(unit, "").partition(".")
+        if not holder:
+            return Stay(unit, *(("", there[unit]) if unit in there else (unit, SE2())), may_make_way=True)
+        base = start(holder)
+        pose = there.get(unit) if base.frame == "" else None
+        return Stay(unit, base.frame, pose or body.docked(base.pose, port), port=holders[unit])
+
+    here = {unit: start(unit) for unit in [*there, *holders]}
+    left = []
+    for step in steps:
+        label, unit = step.label, step.unit
+        left.append(here.get(unit, start(unit))._replace(ends=label))
+        if isinstance(step, DockStep):
+            base = here.setdefault(step.target_unit, start(step.target_unit))
+            pose = body.docked(base.pose, step.target_port)
+            here[unit] = Stay(unit, base.frame, pose, label, port=step.to)
+        elif isinstance(step, UndockStep):
+            here[unit] = Stay(unit, f"after {label}", SE2(), label, may_make_way=True)
+        else:
+            here[unit] = Stay(unit, "", step.pose.nominal, label, may_make_way=True)
+    return [*left, *here.values()]
 
 
 def _plan_task(step: PlanStep, after: tuple[str, ...], behind: tuple[str, ...]) -> Task:
@@ -140,5 +206,5 @@ def _plan_task(step: PlanStep, after: tuple[str, ...], behind: tuple[str, ...]) 
             after=after,
         )
     if isinstance(step, UndockStep):
-        return Task(step.label, TaskKind.UNDOCK, step.unit, after=after)
-    return Task(step.label, TaskKind.MOVE, step.unit, pose=step.pose.nominal, after=after)
+        return Task(step.label, TaskKind.UNDOCK, step.unit, behind=behind, after=after)
+    return Task(step.label, TaskKind.MOVE, step.unit, pose=step.pose.nominal, behind=behind, after=after)

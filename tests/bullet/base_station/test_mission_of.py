@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from msrr_bullet.base_station.base_station import BaseStation, mission_of
+from pathlib import Path
+
+import pytest
+
+from msrr_bullet.base_station.base_station import BaseStation, check_mission, mission_of
 from msrr_scenes import load_scene
+from msrr_scenes.errors import SceneError
 from msrr_scenes.messages.coordination import MissionState, UnitState
 
 
@@ -16,13 +21,34 @@ def test_shapes_follow_each_other_and_begin_with_what_is_assembled() -> None:
     assert not mission.then.holders, "they are known when the shape before is complete"
 
 
-def test_steps_of_a_plan_are_tasks() -> None:
+def test_a_plan_keeps_its_steps() -> None:
     plan = "[{undock: f}, {unit: f, name: back, to: a.left}]"
     scene = load_scene("reconfigure", {"shape": "null", "plan": plan})
     mission = mission_of(scene)
     assert (mission.shape, mission.then) == (None, None)
-    assert [task.name for task in mission.tasks] == ["f", "back"]
+    assert [step.label for step in mission.steps] == ["f", "back"]
     assert mission.holders == scene.holders
+
+
+def test_a_plan_that_closes_a_lane_is_refused_before_any_trial(tmp_path: Path) -> None:
+    """On a way round from the left of u0 to behind it, where the last unit stands in front of u3's port."""
+    tree = {"u1": "u0.left", "u2": "u1.rear", "u4": "u2.right", "u5": "u4.rear", "u6": "u5.rear"}
+    units = "".join(f"  u{k}: {{number: {k}}}\n" for k in range(1, 7) if k != 3)
+    path = tmp_path / "round.yaml"
+    path.write_text(f"""\
+arena: {{x_m: [-3, 3], y_m: [-3, 3]}}
+units:
+  u0: {{number: 0}}
+  u3: {{number: 3, pose: {{x_m: -2, y_m: -2}}}}
+  u7: {{number: 7, pose: {{x_m: 2, y_m: -2}}}}
+{units}
+cameras: {{overhead: {{height_m: 6.5}}}}
+assembled: [{", ".join(f"{unit}.front-{port}" for unit, port in tree.items())}]
+plan: [{{unit: u7, to: u6.right}}, {{unit: u3, to: u0.rear}}]
+""")
+    with pytest.raises(SceneError, match=r"plan: step 'u3' cannot be done: 'u7' stands .* since step 'u7'"):
+        check_mission(load_scene(path))
+    check_mission(load_scene(path, {"plan.0.after": "[]", "plan.1.after": "[]"}))
 
 
 def test_assembled_units_are_docked_before_anything_is_heard() -> None:

@@ -95,7 +95,7 @@ FACING = "{p0: root, p1: p0.right, p2: p0.left, p3: p1.right, p4: p2.left, p5: p
             "tree: {p: root, q: p.left, r: p.rear, s: r.left}",
             "shape.tree: q and s would touch: units stand side by side only where a port joins",
         ),
-        (f"tree: {FACING}", "shape.tree: a lane is closed by what has to be built before it: p6 before p4"),
+        (f"tree: {FACING}", "shape.tree: p4 has to be built before p6 and closes its lane (a parent"),
         ("tree: {p: q.rear, q: p.rear}", "shape.tree: a shape needs exactly one root, found none; write"),
         ("tree: {p: root, q: z.rear}", "shape.tree: not joined to the root 'p': q; dock each"),
         ("{named: true, tree: {a: root, z: a.rear}}", ":11:38: shape.tree.z: no unit named 'z'"),

@@ -12,6 +12,7 @@ from typing import Any, get_args
 
 import pytest
 
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
 from msrr_control.coordination.reconfiguration import shape_ports
 from msrr_control.coordination.route_finder import RouteFinder, RouteParams
@@ -219,7 +220,7 @@ def test_an_explicit_plan_runs_in_its_order(rig: type[Rig]) -> None:
     body = rig(Mission(), {}).knowledge.lanes.body
     X_WB = SE2(0.5, 0.2, 0.0)
     starts = {"a": SE2(-1.3, 0.9, 0.5), "b": X_WB, "c": body.docked(X_WB, "left")}
-    run = rig(Mission(tasks=tuple(plan_tasks(steps)), holders={"c": "b.left"}), starts)
+    run = rig(Mission(steps=steps, holders={"c": "b.left"}), starts)
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
     assert run.joints == {"a": "b.rear"}
@@ -241,14 +242,14 @@ def test_two_that_meet_head_on_pass_each_other(rig: type[Rig]) -> None:
         MoveStep(move="a", pose=PoseSpec(x_m=1.5, y_m=0.5, yaw_deg=0), after=()),
         MoveStep(move="b", pose=PoseSpec(x_m=-1.5, y_m=-0.5, yaw_deg=180), after=()),
     ]
-    run = rig(Mission(tasks=tuple(plan_tasks(steps))), starts)
+    run = rig(Mission(steps=steps), starts)
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
 
 
 def test_a_move_that_never_ends_where_it_should_is_given_up(rig: type[Rig]) -> None:
     steps = [MoveStep(move="a", pose=PoseSpec(x_m=0.5, y_m=0.0, yaw_deg=0))]
-    run = rig(Mission(tasks=tuple(plan_tasks(steps))), {"a": SE2(-0.5, 0.0, 0.0)})
+    run = rig(Mission(steps=steps), {"a": SE2(-0.5, 0.0, 0.0)})
     run.units["a"].slips_m = 0.1
     status = run.run()
     assert status.state is MissionState.INCOMPLETE
@@ -258,7 +259,7 @@ def test_a_move_that_never_ends_where_it_should_is_given_up(rig: type[Rig]) -> N
 def test_of_two_that_want_one_port_one_is_refused_with_the_reason(rig: type[Rig]) -> None:
     steps = [DockStep(unit=unit, to="b.rear", after=()) for unit in "ac"]
     starts = {"b": SE2(0.8, 0.0, 0.0), "a": SE2(-1.0, 0.7, 0.0), "c": SE2(-1.0, -0.7, 0.0)}
-    run = rig(Mission(tasks=tuple(plan_tasks(steps))), starts)
+    run = rig(Mission(steps=steps), starts)
     status = run.run()
     assert status.state is MissionState.INCOMPLETE
     assert run.joints == {"a": "b.rear"}
@@ -270,7 +271,7 @@ def test_a_unit_docks_beside_one_that_holds_its_target_and_has_no_step(rig: type
     """The root of a plan stands as near to it in its seat as neighbours in a shape do."""
     steps = [DockStep(unit="b", to="a.rear"), DockStep(unit="c", to="b.left")]
     starts = {"a": SE2(0.9, 0.0, 0.0), "b": SE2(-0.6, -0.4, 0.3), "c": SE2(-0.9, 0.9, 0.0)}
-    run = rig(Mission(tasks=tuple(plan_tasks(steps))), starts)
+    run = rig(Mission(steps=steps), starts)
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
     assert run.joints == {"b": "a.rear", "c": "b.left"}
@@ -282,7 +283,7 @@ def test_nobody_sets_out_for_the_port_of_a_unit_that_has_failed(rig: type[Rig]) 
         DockStep(unit="a", to="b.rear", after=()),
     ]
     starts = {"a": SE2(-1.4, 0.0, 0.0), "b": SE2(-0.2, 0.6, 0.0)}
-    run = rig(Mission(tasks=tuple(plan_tasks(steps))), starts, dies={"b": (2.0, False)})
+    run = rig(Mission(steps=steps), starts, dies={"b": (2.0, False)})
     status = run.run()
     assert status.state is MissionState.INCOMPLETE
     assert "a cannot dock: b has failed" in status.reason
@@ -295,8 +296,7 @@ def test_one_behind_a_unit_that_undocks_makes_way(rig: type[Rig]) -> None:
     place = body.docked(X_WA, "rear")
     for distance in (0.3, 0.8):
         starts = {"a": X_WA, "b": place, "c": place @ SE2(-distance, 0.0, 0.0)}
-        tasks = tuple(plan_tasks([UndockStep(undock="b")]))
-        run = rig(Mission(tasks=tasks, holders={"b": "a.rear"}), starts)
+        run = rig(Mission(steps=[UndockStep(undock="b")], holders={"b": "a.rear"}), starts)
         status = run.run()
         assert status.state is MissionState.COMPLETE, status.reason
         assert run.units["b"].holder is None
@@ -308,7 +308,7 @@ def test_a_unit_that_carries_another_one_gets_no_route(rig: type[Rig]) -> None:
     X_WA = SE2(0.5, 0.0, 0.0)
     starts = {"a": X_WA, "b": body.docked(X_WA, "rear")}
     steps = [MoveStep(move="a", pose=PoseSpec(x_m=-1.0))]
-    run = rig(Mission(tasks=tuple(plan_tasks(steps)), holders={"b": "a.rear"}), starts)
+    run = rig(Mission(steps=steps, holders={"b": "a.rear"}), starts)
     status = run.run()
     assert status.state is MissionState.INCOMPLETE
     assert "a carries b" in status.reason
@@ -316,14 +316,16 @@ def test_a_unit_that_carries_another_one_gets_no_route(rig: type[Rig]) -> None:
 
 
 @pytest.mark.parametrize("target_first", [True, False])
-def test_nobody_docks_to_a_unit_that_has_yet_to_drive(target_first: bool, rig: type[Rig]) -> None:
+def test_nobody_docks_to_a_unit_that_has_yet_to_drive(
+    target_first: bool, rig: type[Rig], knowledge: Knowledge
+) -> None:
     """The two steps may be carried out in any order, and only one order of them can be."""
     steps = [MoveStep(move="b", name="away", pose=PoseSpec(x_m=0.9), after=()),
              DockStep(unit="a", to="b.rear", after=())]  # fmt: skip
-    tasks = plan_tasks(steps if target_first else steps[::-1])
-    assert [task.name for task in tasks] == ["away", "a"]
+    steps = steps if target_first else steps[::-1]
+    assert [task.name for task in plan_tasks(steps, {}, knowledge.lanes)] == ["away", "a"]
     starts = {"a": SE2(-1.2, 0.0, 0.0), "b": SE2(-0.2, 0.6, 0.0)}
-    run = rig(Mission(tasks=tuple(tasks)), starts)
+    run = rig(Mission(steps=steps), starts)
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
     assert run.joints == {"a": "b.rear"}

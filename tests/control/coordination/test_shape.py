@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from msrr_control.coordination.knowledge import Knowledge
-from msrr_control.coordination.precedence import precedence
 from msrr_control.coordination.shape import Shape, build_pattern
+from msrr_control.coordination.tasks import shape_tasks
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.specs.mission import Pattern, ShapeSpec
@@ -36,7 +36,7 @@ def test_every_pattern_can_be_built_with_any_number_of_units(
     shape = Shape.of(ShapeSpec.model_validate({pattern: count}))
     assert len(shape.places) == count
     assert len(shape.by_name) == count
-    order = list(precedence(shape, knowledge.lanes))
+    order = [task.name for task in shape_tasks(shape, knowledge.lanes)]
     assert sorted(order) == sorted(shape.by_name)
 
 
@@ -88,7 +88,7 @@ def test_the_form_of_a_shape_does_not_depend_on_where_it_stands(knowledge: Knowl
                 "g": "f.rear",
                 "h": "g.right",
             },
-            "closed by what has to be built before",
+            "has to be built before h and closes its lane",
         ),
     ],
 )
@@ -96,7 +96,7 @@ def test_what_cannot_be_built_is_refused_with_its_reason(
     tree: dict[str, str], reason: str, knowledge: Knowledge
 ) -> None:
     with pytest.raises(SceneError, match=reason):
-        precedence(Shape.from_tree(tree), knowledge.lanes)
+        shape_tasks(Shape.from_tree(tree), knowledge.lanes)
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_in_the_order_of_precedence_every_parent_stands_and_every_lane_is_open(k
     for _ in range(60):
         shape = Shape.from_tree(random_tree(rng, int(rng.integers(3, 9))))
         try:
-            before = precedence(shape, knowledge.lanes)
+            before = {task.name: task.behind for task in shape_tasks(shape, knowledge.lanes)}
         except SceneError:
             continue
         built += 1

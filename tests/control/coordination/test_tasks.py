@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.coordination.tasks import Task, TaskKind, TaskState, plan_tasks
 from msrr_scenes.errors import SceneError
@@ -15,14 +16,14 @@ def _dock(name: str, parent: str | None, *behind: str) -> Task:
     return Task(name, TaskKind.DOCK, parent=parent, port="rear", behind=behind)
 
 
-def test_a_plan_keeps_its_graph_and_the_order_of_every_unit() -> None:
+def test_a_plan_keeps_its_graph_and_the_order_of_every_unit(knowledge: Knowledge) -> None:
     steps = [
         DockStep(unit="a", to="b.rear", name="first", after=("last",)),
         UndockStep(undock="c", name="out", after=()),
         MoveStep(move="c", name="last"),  # after the step before it
         DockStep(unit="a", to="d.left", after=()),
     ]
-    tasks = plan_tasks(steps)
+    tasks = plan_tasks(steps, {}, knowledge.lanes)
     assert [task.name for task in tasks] == ["out", "last", "first", "a"]
     by_name = {task.name: task for task in tasks}
     assert by_name["last"].after == ("out",)
@@ -39,9 +40,11 @@ def test_a_plan_keeps_its_graph_and_the_order_of_every_unit() -> None:
         ([MoveStep(move="a", name="x"), MoveStep(move="b", name="x")], "two steps"),
     ],
 )
-def test_a_plan_that_cannot_be_followed_is_refused(steps: list[MoveStep], reason: str) -> None:
+def test_a_plan_that_cannot_be_followed_is_refused(
+    steps: list[MoveStep], reason: str, knowledge: Knowledge
+) -> None:
     with pytest.raises(SceneError, match=reason):
-        plan_tasks(steps)
+        plan_tasks(steps, {}, knowledge.lanes)
 
 
 def test_only_what_goes_before_holds_a_task_back() -> None:
