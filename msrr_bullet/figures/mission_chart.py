@@ -35,6 +35,8 @@ _MARKS = {
     EventKind.DOCKED: ("o", BLACK),
     EventKind.UNDOCKED: ("d", BLACK),
     EventKind.ATTEMPT_FAILED: ("x", ALARM),
+    EventKind.LOST: ("v", ALARM),
+    EventKind.FOUND: ("^", BLACK),
     EventKind.FAILED: ("X", ALARM),
 }
 

@@ -23,6 +23,7 @@ from msrr_scenes.messages import (
     Conviction,
     Detections,
     Exposure,
+    FailureReason,
     Fetch,
     LosObservation,
     Phase,
@@ -204,7 +205,8 @@ class GuidedUnit:
 
     def _mode(self) -> UnitMode:
         if self._action.phase is Phase.FAILED:
-            return UnitMode.FAILED
+            lost = self.belief.setback is FailureReason.NOT_LOCALISED
+            return UnitMode.LOST if lost else UnitMode.FAILED
         if self.docked_to is not None:
             return UnitMode.DOCKED
         if self._program is None or self._program.phase is Phase.DONE:

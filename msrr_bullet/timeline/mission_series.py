@@ -10,6 +10,7 @@ from itertools import groupby, pairwise
 from msrr_bullet.timeline.mission_snapshot import Activity
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_scenes.messages import Phase, seconds
+from msrr_scenes.messages.coordination import UnitState
 
 #: Phases of a docking attempt, and phases that follow a failed one.
 ATTEMPT = (Phase.DOCK, Phase.LOCK, Phase.VERIFY)
@@ -40,6 +41,8 @@ class EventKind(Enum):
     DOCKED = "docked"
     UNDOCKED = "undocked"
     ATTEMPT_FAILED = "failed attempt"
+    LOST = "lost"
+    FOUND = "found again"
     FAILED = "failed"
 
 
@@ -116,6 +119,9 @@ def _changes(before: Snapshot, after: Snapshot, unit: str) -> Iterator[tuple[Eve
         earlier = steps.get(step.key)
         if earlier is not None and earlier.phase in ATTEMPT and step.phase in AFTER_FAILURE:
             yield EventKind.ATTEMPT_FAILED, step.reason
+    was_lost, is_lost = (status.state is UnitState.LOST for status in (old.of(unit), new.of(unit)))
+    if was_lost != is_lost:
+        yield EventKind.LOST if is_lost else EventKind.FOUND, new.of(unit).reason
     if new.activity(unit) is Activity.FAILED and old.activity(unit) is not Activity.FAILED:
         report = new.reports.get(unit)
         yield EventKind.FAILED, new.of(unit).reason or (report.reason if report else "")

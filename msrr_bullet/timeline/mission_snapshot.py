@@ -30,6 +30,7 @@ class Activity(Enum):
     DRIVING = "driving"
     DOCKING = "docking"
     IN_PLACE = "in place"  # docked, or the first unit of a shape
+    LOST = "lost"  # not localised, until it is seen again
     FAILED = "failed"
 
 
@@ -59,6 +60,8 @@ class MissionSnapshot:
         mode = UnitMode.STANDING if report is None else report.mode
         if status.state is UnitState.FAILED or mode is UnitMode.FAILED:
             return Activity.FAILED
+        if status.state is UnitState.LOST or mode is UnitMode.LOST:
+            return Activity.LOST
         if mode is UnitMode.DOCKED:
             return Activity.IN_PLACE
         if mode is not UnitMode.STANDING:

@@ -56,6 +56,7 @@ ACTIVITY_COLOURS = {
     Activity.DRIVING: 0xBFDDF2,
     Activity.DOCKING: 0xF6DFA4,
     Activity.IN_PLACE: 0x9FD8C3,
+    Activity.LOST: 0xF8DCC8,
     Activity.FAILED: 0xE8A98A,
 }
 

@@ -109,8 +109,8 @@ class Coordinator:
         self._sent_ns = now_ns
         expires_ns = now_ns + round(self._patience.expires_s * NS_PER_S)
         units = self._units.values()
-        # One that failed or is recalled is not sent any, so that it brakes.
-        muted = {u.name for u in units if u.state is UnitState.FAILED or self._recall.is_recalled(u)}
+        # One that failed, is lost or is recalled is not sent any, so that it brakes.
+        muted = {u.name for u in units if u.out_of_action or self._recall.is_recalled(u)}
         heard = [unit for unit in units if unit.name not in muted and unit.track is not None]
         return [unit.authority(units, now_ns, expires_ns) for unit in heard]
 
@@ -130,13 +130,22 @@ class Coordinator:
     # What has happened.
 
     def _take_stock(self, now_ns: int) -> None:
-        """Note who has arrived and who has failed."""
+        """Note who has arrived, who has failed, who is lost and who was found again."""
         for unit in self._units.values():
             report = unit.report
             if unit.state is UnitState.FAILED:
                 continue
             if report is not None and report.mode is UnitMode.FAILED:
                 self._fail(unit, report.reason or "reports a failure", now_ns)
+            elif unit.state is UnitState.LOST and unit.seen_ns > unit.still_ns:
+                self._stand(unit, now_ns, "was lost and is seen again")
+                unit.stand_down()
+                self._changed = True
+            elif unit.under_way and self._watch.says_lost(unit):
+                if unit.task is not None:
+                    self._tasks.reopen(unit.task)
+                unit.stand(UnitState.LOST, now_ns, "" if report is None else report.reason)
+                self._changed = True
             elif unit.under_way and self._watch.has_arrived(unit, now_ns):
                 self._arrive(unit, now_ns)
             elif unit.under_way and (reason := self._watch.is_lost(unit, now_ns)) is not None:
@@ -172,14 +181,11 @@ class Coordinator:
     # Where the shape stands.
 
     def _choose_site(self, now_ns: int) -> None:
-        """Choose where the shape is built, or the order of a plan, when all are seen.
-
-        The shape is placed again if its root fails before anybody docks.
-        """
+        """Choose the site of a shape or the order of a plan when all are seen; again if a root fails."""
         siting, units = self._siting, list(self._units.values())
         if siting.chosen:
-            root = None if self._mission.shape is None else self._mission.shape.root.name
-            taken_by = None if root is None else self._dispatcher.wanted.get(root)
+            shape = self._mission.shape
+            taken_by = None if shape is None else self._dispatcher.wanted.get(shape.root.name)
             failed = taken_by is not None and self._units[taken_by].state is UnitState.FAILED
             if not failed or not siting.may_move(units):
                 return
@@ -254,12 +260,13 @@ class Coordinator:
         for unit in sorted(self._units.values(), key=lambda u: u.order):
             if unit.under_way and (unit.task is None or self._tasks.lost_base(unit.task) is None):
                 holder = None if unit.enters is None else self._units[unit.enters[0]]
-                holds = holder is None or (not holder.under_way and holder.state is not UnitState.FAILED)
+                holds = holder is None or (not holder.under_way and not holder.out_of_action)
                 self._interlock.extend(unit, self._units.values(), holds)
 
     def _conclude(self, now_ns: int) -> None:
         """End the mission if everything is done, or give up what nobody can do."""
-        under_way = any(unit.under_way for unit in self._units.values())
+        units = self._units.values()
+        under_way = any(unit.under_way for unit in units)
         if self._tasks.ended and not under_way:
             failed = self._tasks.reasons
             if not failed and self._mission.then is not None:
@@ -270,13 +277,11 @@ class Coordinator:
                 self._end(MissionState.COMPLETE, "all tasks are done")
             else:
                 told = "; ".join(f"{name}: {why}" for name, why in failed.items())
-                lost = [
-                    u for u in self._units.values() if u.state is UnitState.FAILED and u.reason not in told
-                ]
-                reasons = "; ".join([told, *(f"{u.name}: {u.reason}" for u in lost)])
-                self._end(MissionState.INCOMPLETE, reasons)
+                lost = [f"{u.name}: {u.reason}" for u in units if u.out_of_action and u.reason not in told]
+                self._end(MissionState.INCOMPLETE, "; ".join([told, *lost]))
             return
-        if under_way or self._changed or self._hopeless_ns is None:
+        searched = any(self._watch.may_be_found(unit, now_ns) for unit in units)
+        if under_way or searched or self._changed or self._hopeless_ns is None:
             self._hopeless_ns = now_ns
         if seconds(now_ns - self._hopeless_ns) > self._patience.hopeless_s and self._tasks.open:
             self._hopeless_ns, self._changed = now_ns, True
@@ -288,7 +293,7 @@ class Coordinator:
                 return
             first = next(iter(self._tasks.ready()), self._tasks.open[0])
             why = self._dispatcher.hindrance(first, self._tasks)
-            dead = ", ".join(u.name for u in self._units.values() if u.state is UnitState.FAILED)
+            dead = ", ".join(u.name for u in self._units.values() if u.out_of_action)
             self._tasks.give_up(first.name, why + (f"; failed: {dead}" if dead else ""))
 
     def _end(self, state: MissionState, reason: str) -> None:

@@ -91,6 +91,11 @@ class UnitRecord:
         return self.state is UnitState.UNDER_WAY
 
     @property
+    def out_of_action(self) -> bool:
+        """Whether the unit has failed or is lost: it is sent nothing, and nobody docks to it."""
+        return self.state in (UnitState.FAILED, UnitState.LOST)
+
+    @property
     def in_dock_leg(self) -> bool:
         """Whether the unit is or may be in its dock leg."""
         track = self.track

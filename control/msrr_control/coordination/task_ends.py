@@ -82,12 +82,15 @@ class TaskEnds:
             X_WE: Where it is to end; None where it only leaves a port.
             enters: Unit and port at which it is to end; None in the open.
         """
+        if unit.state is UnitState.LOST:
+            return f"is lost: {unit.reason}"
         if carried := self.carried_by(unit):
             return f"carries {', '.join(carried)}, and only a unit that carries no other one drives"
         if enters is None:
             return None
-        if self._units[enters[0]].state is UnitState.FAILED:
-            return f"cannot dock: {enters[0]} has failed"  # nobody is allowed into its port
+        if self._units[enters[0]].out_of_action:
+            how = "has failed" if self._units[enters[0]].state is UnitState.FAILED else "is lost"
+            return f"cannot dock: {enters[0]} {how}"  # nobody is allowed into its port
         port = ".".join(enters)
         for other in self._units.values():
             if other.holder == enters and other.name != unit.name:

@@ -9,7 +9,7 @@ from msrr_control.coordination.ledger import SAME_M, UnitRecord
 from msrr_control.coordination.mission import Patience
 from msrr_scenes.geometry.se2 import wrap_angle
 from msrr_scenes.messages import seconds
-from msrr_scenes.messages.coordination import UnitMode
+from msrr_scenes.messages.coordination import UnitMode, UnitState
 
 
 class Watch:
@@ -57,6 +57,15 @@ class Watch:
             )
             return f"no progress beyond {unit.progress:.2f} m in {wait:.0f} s{said}"
         return None
+
+    def says_lost(self, unit: UnitRecord) -> bool:
+        """Return whether a unit says that it cannot drive its route because it is not localised."""
+        report = unit.report
+        return report is not None and report.mode is UnitMode.LOST and report.route == unit.route
+
+    def may_be_found(self, unit: UnitRecord, now_ns: int) -> bool:
+        """Return whether a unit is lost, and not for so long that nothing waits for it any more."""
+        return unit.state is UnitState.LOST and seconds(now_ns - unit.still_ns) < self._patience.lost_s
 
     def waits(self, unit: UnitRecord) -> bool:
         """Return whether a unit rests where its authority ends, or has not been allowed to begin."""

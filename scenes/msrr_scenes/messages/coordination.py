@@ -107,6 +107,8 @@ class UnitMode(Enum):
     """It is on its way into a port, or in it and not locked yet."""
     DOCKED = "docked"
     """It is locked into a port."""
+    LOST = "lost"
+    """It stands, because it was not localised for too long, and waits for another route."""
     FAILED = "failed"
     """It cannot go on with its route."""
 
@@ -148,6 +150,8 @@ class UnitState(Enum):
     """Has a route."""
     DOCKED = "docked"
     """Is locked into a port."""
+    LOST = "lost"
+    """Was not localised for too long, and is given no task until it is seen again."""
     FAILED = "failed"
     """Is given no further task."""
 

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.log import LogHeader
+from msrr_bullet.log import LogHeader, read_log
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.records import JUDGE, Event, StepStart
 from msrr_bullet.plant.plant import Plant
+from msrr_bullet.timeline.log_snapshots import read_snapshots
+from msrr_bullet.timeline.mission_series import EventKind, unit_events
 from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
@@ -38,6 +40,8 @@ def mission(folder: Path, plan: str, **overrides: str) -> Scene:
     path.write_text(SCENE.format(plan=plan))
     return load_scene(path, overrides)
 
+
+BLACKOUT = "[{kind: camera_blackout, camera: overhead, from_s: 4, to_s: 19}]"
 
 Load = Callable[..., Scene]
 
@@ -159,6 +163,26 @@ def test_a_mission_in_which_no_step_began_has_a_reason(line_of_three: Path) -> N
     assert result.mission.messages_lost == result.mission.messages_sent > 0
     assert result.mission.makespan_s is None
     assert TrialResult.from_json(result.to_json()) == result
+
+
+def test_units_that_nobody_sees_for_a_while_go_on_when_they_are_seen_again(
+    line_of_three: Path, tmp_path: Path
+) -> None:
+    """The overhead camera fails for 15 s, 5 s longer than units wait for it; log and result tell of it."""
+    fast = {"plant": "unicycle", "perception": "parametric", "as_built": "perfect", "time_limit_s": "200"}
+    scene = load_scene(line_of_three, {**fast, "faults": BLACKOUT})
+    with McapRecorder(tmp_path / "log.mcap", LogHeader.of(scene, 1, {})) as recorder:
+        result = Trial(scene, 1, recorder=recorder).run()
+    assert result.outcome is Outcome.COMPLETE, result.reason
+    gave_up = [step for step in result.steps if not step.docked]
+    assert gave_up
+    snapshots = read_snapshots(read_log(tmp_path / "log.mcap"))
+    for unit in {step.unit for step in gave_up}:
+        kinds = [event.kind for event in unit_events(snapshots, unit)]
+        assert [kind for kind in kinds if kind in (EventKind.LOST, EventKind.FOUND)] == [
+            EventKind.LOST,
+            EventKind.FOUND,
+        ]
 
 
 def test_steps_at_the_same_time_need_a_base_station(tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ SPEED = {
     LegKind.DOCK: 0.11,
 }
 ACCELERATION, DECELERATION = 0.147, 0.8 * LIMITS.a_max_mps2
-LOCK_S, UNLOCK_S, SEIZED_S = 2.0, 1.0, 5.0
+LOCK_S, UNLOCK_S, SEIZED_S, UNSEEN_S = 2.0, 1.0, 5.0, 10.0
 CAMERA_NS = 100_000_000
 
 
@@ -75,7 +75,8 @@ class ToyUnit:
     """A unit that follows its track exactly, as far as its authority and its collision monitor let it.
 
     On its first ``held_routes`` routes the monitor holds it ``held_m`` before the end of the leg on a path.
-    When it sets off its wheels slip by ``slips_m``, which it does not know.
+    When it sets off its wheels slip by ``slips_m``, which it does not know. Between two times
+    ``hidden_s`` nobody sees it; it stands, and after 10 s it says on its route that it is lost.
     """
 
     name: str
@@ -87,6 +88,7 @@ class ToyUnit:
     held_routes: int = 0
     held_m: float = 0.5
     slips_m: float = 0.0
+    hidden_s: tuple[float, float] = (math.inf, math.inf)
     progress: float = 0.0
     speed: float = 0.0
     route: int = 0
@@ -118,17 +120,25 @@ class ToyUnit:
         return self.left if self.leg is LegKind.BACK else None
 
     left: str | None = None
+    now_ns: int = 0
+    lost: bool = False
 
     def receive(self, message: Authority) -> None:
         if self.authority.receive(message):
             # One that reported that it stands may creep the last micrometres to a limit that was moved since.
             assert self.speed < 1e-4, f"{self.name} gets another route while it moves"
             self.route, self.progress, self.waited_s = message.route, 0.0, 0.0
+            self.lost = False
             self.track = track_of(message.legs, self.X_WU, self.body.offset)
             assert self.track.length == pytest.approx(self.authority.length, abs=0.05)
 
+    @property
+    def hidden(self) -> bool:
+        return self.hidden_s[0] <= 1e-9 * self.now_ns < self.hidden_s[1]
+
     def step(self, now_ns: int) -> None:
         """Advance by one tick."""
+        self.now_ns = now_ns
         dt, newest = 1e-9 * TICK_NS, self.authority.newest
         if self.dead_s is None and now_ns * 1e-9 >= self.dies_s and not self.holder:
             lane = self.track is not None and self.progress > self.authority.dock_start - 0.3
@@ -148,6 +158,12 @@ class ToyUnit:
             self.left, self.holder, self.waited_s = self.holder.partition(".")[0], None, 0.0
         kind = self.leg
         if kind is None:  # the unit stands where it is to be
+            return
+        if self.lost or self.hidden:
+            self.speed, self.mode = 0.0, UnitMode.STANDING
+            self.lost = self.lost or 1e-9 * now_ns - self.hidden_s[0] > UNSEEN_S
+            if self.lost:
+                self.mode = UnitMode.LOST
             return
         end = self.authority.legs[self._leg].end
         limit = self.authority.limit(now_ns, self.progress, self.speed)
@@ -302,7 +318,11 @@ class Rig:
                 assert isinstance(message, UnitReport)
                 self.coordinator.receive(message, self.now_ns)
         if self.now_ns % 100_000_000 == 0:
-            bodies = [GlobalPose(u.name, self.now_ns, u.X_WU, np.eye(3) * 1e-6) for u in self.units.values()]
+            bodies = [
+                GlobalPose(u.name, self.now_ns, u.X_WU, np.eye(3) * 1e-6)
+                for u in self.units.values()
+                if not u.hidden
+            ]
             self._sights.append((self.now_ns, bodies))
         while self._sights and self._sights[0][0] <= self.now_ns - CAMERA_NS:
             bodies = self._sights.pop(0)[1]

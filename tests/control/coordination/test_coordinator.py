@@ -133,6 +133,50 @@ def test_without_a_spare_all_else_is_built_and_the_unit_is_named(rig: type[Rig],
     assert len(run.joints) == 3
 
 
+@pytest.mark.parametrize(
+    ("spare", "hidden_s"), [(False, (5.0, 20.0)), (True, (5.0, 20.0)), (False, (5.0, 90.0))]
+)
+def test_a_unit_that_was_lost_is_taken_up_again(
+    spare: bool, hidden_s: tuple[float, float], rig: type[Rig], starts: Starts
+) -> None:
+    """One hidden for 15 s comes back to its place, unless a spare has it; one hidden for ever does not."""
+    shape = build_pattern("cross", 5)
+    run, name = rig(Mission(shape=shape), starts(1, 5 + spare)), "u3" if spare else "u2"
+    run.units[name].hidden_s = hidden_s
+    states: list[UnitState] = []
+    while run.now_ns < 400e9 and run.status.state is MissionState.RUNNING:
+        run.step()
+        state = next(unit.state for unit in run.status.units if unit.unit == name)
+        if not states or states[-1] is not state:
+            states.append(state)
+    status, way = run.status, [UnitState.IDLE, UnitState.UNDER_WAY, UnitState.LOST]
+    if hidden_s[1] > 50.0:
+        assert status.state is MissionState.INCOMPLETE
+        assert name in status.reason
+        assert len(status.done) == 4
+        assert states == way
+        return
+    assert states == way + ([UnitState.IDLE] if spare else [UnitState.UNDER_WAY, UnitState.DOCKED])
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.is_built(shape)
+    assert (name in run.joints) is not spare
+
+
+def test_a_step_waits_for_the_unit_that_it_names(rig: type[Rig]) -> None:
+    """Also where nobody docks to a unit that is lost, nor is let onto the ground where it stands."""
+    starts = {"a": SE2(-1.4, 0.0, 0.0), "b": SE2(-0.2, 0.6, 0.0)}
+    steps = [
+        MoveStep(move="b", name="away", pose=PoseSpec(x_m=0.9), after=()),
+        DockStep(unit="a", to="b.rear", after=()),
+    ]
+    for until_s, complete in ((17.0, True), (200.0, False)):
+        run = rig(Mission(steps=steps), starts)
+        run.units["b"].hidden_s = (2.0, until_s)
+        status = run.run()
+        assert (status.state is MissionState.COMPLETE) is complete, status.reason
+        assert complete or "b is lost: " in status.reason
+
+
 def test_an_assembly_takes_another_shape(rig: type[Rig]) -> None:
     line, tee = build_pattern("line", 5), build_pattern("tee", 5)
     names = {place.name: f"u{k}" for k, place in enumerate(line.places)}
