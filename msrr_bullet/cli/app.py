@@ -18,6 +18,7 @@ import typer
 from msrr_bullet.cli import (
     bench_commands,
     calibrate_command,
+    compare_command,
     detect_command,
     film_command,
     map_command,
@@ -190,6 +191,7 @@ def _robots(scene: Scene) -> Iterator[str]:
         )
 
 
+app.command()(compare_command.compare)
 app.command()(merge_command.merge)
 app.command()(bench_commands.bench)
 app.command()(run_commands.replay)

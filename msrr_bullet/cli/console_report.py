@@ -8,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from msrr_bullet.statistics import Quantiles, interval_text
+from msrr_bullet.sweep.comparison import Comparison
 from msrr_bullet.sweep.summary import StepFigures, SweepSummary
 from msrr_bullet.trial.result import MissionFigures, TrialResult
 from msrr_bullet.trial.step_result import PlanarPose, StepResult
@@ -207,6 +208,41 @@ def _quantiles(values: Quantiles, unit: str) -> list[Text]:
             cell.append(f"\n{bounds}", "dim")
         cells.append(cell)
     return cells
+
+
+def comparison_table(comparison: Comparison, first: str, second: str) -> Table:
+    """Return the table of two sweeps, which are called by their names."""
+    trials = comparison.trials
+    left_out = [
+        f"{counted(count, 'seed')} only in {name}"
+        for name, count in ((first, comparison.only_first), (second, comparison.only_second))
+        if count
+    ]
+    table = Table(
+        title="; ".join([f"{counted(trials, 'trial')} with the same seeds", *left_out]),
+        title_justify="left",
+        caption="difference: second minus first, with its 95 % interval; an interval that holds 0 does not"
+        " tell the two apart\np: probability of as large a difference by chance",
+        caption_justify="left",
+    )
+    table.add_column("")
+    for column in (first, second, "difference"):
+        table.add_column(Text(column), justify="right", overflow="fold")
+    table.add_row(
+        "succeeded", *(f"{count} of {trials}" for count in comparison.succeeded), f"p = {comparison.p:.2g}"
+    )
+    table.add_row("succeeded here alone", *map(str, comparison.succeeded_alone), "")
+    for figure in comparison.figures:
+        table.add_section()
+        table.add_row(Text(figure.name, "bold"), *[""] * 2, counted(figure.trials, "trial"))
+        digits = 3 if figure.unit == "m" else 2
+        for q in figure.quantiles:
+            name = "median" if q.q == 0.5 else f"{100 * q.q:.0f} %"
+            cells = (f"{v:z.{digits}f} {figure.unit}".rstrip() for v in (q.first, q.second))
+            value, low, high = (f"{v:+z.{digits}f}" for v in (q.difference, *q.interval))
+            style = "bold" if q.is_apart else ""
+            table.add_row(f"  {name}", *cells, Text(f"{value} ({low} .. {high})", style))
+    return table
 
 
 def scenes_table(names: tuple[str, ...]) -> Table:

@@ -1,0 +1,147 @@
+"""Two sweeps compared by their tables of trials."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+
+from msrr_bullet.cli.app import run
+from msrr_bullet.sweep.comparison import ComparedFigure, Comparison, compare_sweeps
+from msrr_bullet.sweep.summary import TrialFailure
+from msrr_bullet.sweep.trial_table import trials_csv
+from msrr_bullet.sweep.worker_pool import TrialFunction
+from msrr_bullet.trial.result import TrialResult
+from msrr_scenes.errors import SceneError
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.scene import Scene
+
+
+def _table(path: Path, outcomes: Iterable[TrialResult | TrialFailure]) -> Path:
+    path.write_text(trials_csv(outcomes), encoding="utf-8")
+    return path
+
+
+def _shifted(result: TrialResult, lateral_m: float) -> TrialResult:
+    """Return a trial whose pins touched farther off the axis."""
+    (step,) = result.steps
+    last = step.attempts[-1]
+    if last.contact is None:
+        return result
+    contact = last.contact.model_copy(update={"lateral_m": last.contact.lateral_m + lateral_m})
+    last = last.model_copy(update={"contact": contact})
+    step = step.model_copy(update={"attempts": (*step.attempts[:-1], last)})
+    return result.model_copy(update={"steps": (step,)})
+
+
+def _figure(comparison: Comparison, name: str) -> ComparedFigure:
+    (found,) = (figure for figure in comparison.figures if figure.name.startswith(name))
+    return found
+
+
+def test_a_sweep_does_not_differ_from_itself(scene: Scene, made_up: TrialFunction, tmp_path: Path) -> None:
+    table = _table(tmp_path / "a.csv", [made_up(scene, seed) for seed in range(20)])
+    found = compare_sweeps(table, table)
+    assert (found.trials, found.only_first, found.only_second) == (20, 0, 0)
+    assert found.succeeded == (18, 18)
+    assert (found.succeeded_alone, found.p) == ((0, 0), 1.0)
+    assert len(found.figures) == 6
+    for figure in found.figures:
+        for q in figure.quantiles:
+            assert (q.first, q.difference, q.interval) == (q.second, 0.0, (0.0, 0.0))
+
+
+def test_trials_are_paired_by_their_seeds(scene: Scene, made_up: TrialFunction, tmp_path: Path) -> None:
+    """Each trial is 2 mm worse, far less than trials differ; order and other seeds make no difference."""
+    first = _table(tmp_path / "a.csv", [made_up(scene, seed) for seed in range(60)])
+    second = _table(tmp_path / "b.csv", [_shifted(made_up(scene, seed), 2e-3) for seed in range(79, 9, -1)])
+    found, back = compare_sweeps(first, second), compare_sweeps(second, first)
+    assert (found.trials, found.only_first, found.only_second) == (50, 10, 20)
+    lateral, other = (_figure(c, "lateral error") for c in (found, back))
+    assert lateral.trials == 45  # a false dock has no contact
+    for q, p in zip(lateral.quantiles, other.quantiles, strict=True):
+        assert q.first == p.second
+        assert [q.difference, *q.interval] == pytest.approx([2.0] * 3)
+        assert [p.difference, *p.interval] == pytest.approx([-2.0] * 3)
+        assert q.is_apart
+    assert not any(q.is_apart for q in _figure(found, "yaw error").quantiles)
+
+
+def test_successes_count_where_one_sweep_alone_has_them(
+    scene: Scene, made_up: TrialFunction, tmp_path: Path
+) -> None:
+    """Two of 18 successes are lost, one as a trial without a result; McNemar's p of 2 to 0 is 2 / 4."""
+    trials = [made_up(scene, seed) for seed in range(20)]
+    worse: list[TrialResult | TrialFailure] = list(trials)
+    worse[4] = trials[4].model_copy(update={"outcome": Outcome.COLLISION})
+    worse[5] = TrialFailure(seed=5, error="out of time", stopped=True)
+    found = compare_sweeps(_table(tmp_path / "a.csv", trials), _table(tmp_path / "b.csv", worse))
+    assert found.succeeded == (18, 16)
+    assert (found.succeeded_alone, found.p) == ((2, 0), 0.5)
+    assert _figure(found, "duration").trials == 16
+    assert _figure(found, "attempts").trials == 19
+
+
+def test_a_trial_of_several_steps_has_the_largest_of_their_errors_and_the_smallest_clearance(
+    scene: Scene, made_up: TrialFunction, tmp_path: Path
+) -> None:
+    (first,), (second,), (left,) = (made_up(scene, seed).steps for seed in (3, 4, 8))
+    steps = (
+        first,
+        second.model_copy(update={"index": 1}),
+        left.model_copy(update={"index": 2, "undocks": True}),
+    )
+    trial = made_up(scene, 3).model_copy(update={"steps": steps})
+    table = _table(tmp_path / "a.csv", [trial])
+    found = compare_sweeps(table, table)
+    values = {f.name: f.quantiles[0].first for f in found.figures}
+    assert values["lateral error at first contact"] == pytest.approx(4.0)
+    assert values["smallest clearance"] == pytest.approx(0.26)
+    assert values["attempts"] == 2.0
+
+
+def test_the_command_prints_a_table_and_writes_numbers(
+    scene: Scene, made_up: TrialFunction, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = _table(tmp_path / "a.csv", [made_up(scene, seed) for seed in range(30)])
+    second = _table(tmp_path / "b.csv", [_shifted(made_up(scene, seed), 2e-3) for seed in range(30)])
+    numbers = tmp_path / "numbers.json"
+    assert run(["compare", str(first), str(second), "--json", str(numbers)]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "27 of 30" in shown
+    assert "+2.00 (+2.00 .. +2.00)" in shown
+    assert Comparison.model_validate(json.loads(numbers.read_text())) == compare_sweeps(first, second)
+    assert run(["compare", str(first), str(second), "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["trials"] == 30
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda text: text.replace("attempts", "tries"), r"b.csv: no column attempts; .* msrr sweep --csv"),
+        (lambda text: text.replace("0.3,", "high,"), r"b.csv, line 2: min_clearance_m is 'high'"),
+        (lambda text: text + text.split("\n", 1)[1], r"b.csv, line 4: step 0 of seed 0 a second time"),
+        (lambda text: text.replace("\n0,", "\n5,").replace("\n1,", "\n6,"), r"no seed in common"),
+        (lambda text: text.replace("\n1,", "\n,"), r"b.csv, line 3: no seed"),
+        (lambda text: "", r"b.csv: no column seed"),
+    ],
+)
+def test_a_file_that_is_no_table_of_trials_is_refused(
+    scene: Scene, made_up: TrialFunction, tmp_path: Path, edit: object, message: str
+) -> None:
+    assert callable(edit)
+    first = _table(tmp_path / "a.csv", [made_up(scene, seed) for seed in range(2)])
+    second = tmp_path / "b.csv"
+    second.write_text(edit(first.read_text()))
+    with pytest.raises(SceneError, match=message):
+        compare_sweeps(first, second)
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "a.csv"
+    picture.write_bytes(bytes(range(128, 256)))
+    for file, text in ((picture, "not a table of trials"), (tmp_path / "none.csv", "No such file")):
+        assert run(["compare", str(file), str(file)]) == 2
+        assert f"{file}: {text}" in capsys.readouterr().err.replace("\n", " ")
