@@ -30,6 +30,7 @@ def compare(
 
     check_writable(json_file, taken=[first, second])
     comparison = compare_sweeps(first, second)
-    table = comparison_table(comparison, first.name, second.name)
+    names = (first.stem, second.stem) if first.stem != second.stem else (str(first), str(second))
+    table = comparison_table(comparison, *names)
     open_console(stderr=json_file == STANDARD_OUTPUT).print(table)
     write_output(json_file, comparison.model_dump_json(indent=2) + "\n")

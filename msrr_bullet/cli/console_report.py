@@ -221,8 +221,8 @@ def comparison_table(comparison: Comparison, first: str, second: str) -> Table:
     table = Table(
         title="; ".join([f"{counted(trials, 'trial')} with the same seeds", *left_out]),
         title_justify="left",
-        caption="difference: second minus first, with its 95 % interval; an interval that holds 0 does not"
-        " tell the two apart\np: probability of as large a difference by chance",
+        caption="difference: second minus first; below it its 95 % interval, which tells the two apart"
+        " unless it holds 0\np: probability of as large a difference by chance",
         caption_justify="left",
     )
     table.add_column("")
@@ -241,7 +241,7 @@ def comparison_table(comparison: Comparison, first: str, second: str) -> Table:
             cells = (f"{v:z.{digits}f} {figure.unit}".rstrip() for v in (q.first, q.second))
             value, low, high = (f"{v:+z.{digits}f}" for v in (q.difference, *q.interval))
             style = "bold" if q.is_apart else ""
-            table.add_row(f"  {name}", *cells, Text(f"{value} ({low} .. {high})", style))
+            table.add_row(f"  {name}", *cells, Text(value, style).append(f"\n{low} .. {high}", "dim"))
     return table
 
 
