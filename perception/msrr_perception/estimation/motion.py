@@ -82,10 +82,11 @@ class MotionNoise:
     Attributes:
         slip: Motion along each wheel [m per square root of a metre driven].
         sideways: Motion across the wheels [m per square root of a metre driven].
-        contact: Motion along the unit in the contact zone, where the wheels may spin while the unit stands
-            [m per square root of a metre driven].
-        guidance: Motion sideways and along each wheel in the contact zone, where the holes guide the pins and
-            turn the unit [m per square root of a metre driven].
+        contact: Motion along each wheel in the contact zone, where one or both may spin while the unit stands
+            [m per square root of a metre driven]. A wheel that spins at 5 cm/s is off by 2 mm within the
+            40 ms between two exposures: as much as it turns.
+        guidance: Motion sideways in the contact zone, where the holes guide the pins [m per square root of a
+            metre driven].
         contact_zone: Gap between the tips of the pins and the face of the port below which the unit is in the
             contact zone [m].
         drift: Motion of a unit at rest [m per square root of a second].
@@ -96,7 +97,7 @@ class MotionNoise:
 
     slip: float = 0.0003
     sideways: float = 0.0002
-    contact: float = 0.02
+    contact: float = 0.045
     guidance: float = 0.01
     contact_zone: float = 0.012
     drift: float = 5e-5

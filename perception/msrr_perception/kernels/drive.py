@@ -20,9 +20,9 @@ class Drive(NamedTuple):
     tips: float  # distance of the tips of the pins ahead of U [m]
     contact_zone: float  # [m]
     wheel_variance: float  # variance along each wheel per metre
-    sideways: float  # variance per metre
-    contact: float  # variance per metre
-    guidance: float  # variance per metre
+    sideways: float  # variance across the wheels per metre
+    contact: float  # variance along each wheel per metre
+    guidance: float  # variance across the wheels per metre
     play: float  # variance along a wheel per metre, while the play of its gear is taken up
     drift: float  # variance per second
     turn_drift: float  # variance per second
@@ -67,8 +67,7 @@ def add_slip(
     way, rest = 0.5 * (left + right), drive.drift * dt
     per_wheel, forward, side = drive.wheel_variance, rest, drive.sideways * way + rest
     if -x - drive.tips < drive.contact_zone:  # the wheels may spin, and the holes guide the pins
-        per_wheel += drive.guidance
-        forward += drive.contact * way
+        per_wheel += drive.contact
         side += drive.guidance * way
     v_left = (per_wheel + drive.play * loose_left) * left
     v_right = (per_wheel + drive.play * loose_right) * right

@@ -333,6 +333,26 @@ def test_spinning_wheels_at_the_port_do_not_move_the_estimate(
     assert abs(e[2]) < math.radians(0.2)
 
 
+@pytest.mark.parametrize("spinning", [-1, 1])
+def test_a_wheel_that_spins_in_the_seat_is_doubted(
+    target: TargetModel, scene: Scene, make_drive: MakeDrive, spinning: int
+) -> None:
+    """One wheel turns at 0.05 m/s for 1 s while the other one and the unit stand: as much as 22 deg of yaw.
+
+    All the time the true pose is within the ellipsoid that holds it 999 times of 1000.
+    """
+    drive = make_drive(7, X_DU=SE2(-0.25, 0.001, 0.01), speed=lambda X: (0.11, 0.0))
+    ekf = _ekf(target, scene)
+    _follow(drive, ekf, 130)
+    drive.blocked, drive.speed = True, lambda X: (0.025, spinning * 0.05 / target.track)
+    for _ in range(100):
+        _follow(drive, ekf, 1)
+        found = ekf.estimate(drive.now_ns)
+        e = _error(found, drive.X_DU)
+        assert found is not None
+        assert e @ np.linalg.solve(found.covariance, e) < chi2.ppf(0.999, 3)
+
+
 @pytest.mark.parametrize("slot", [0, 1, 2])
 def test_one_tag_is_enough_to_start(
     target: TargetModel, scene: Scene, make_drive: MakeDrive, slot: int
