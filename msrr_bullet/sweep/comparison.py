@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import BaseModel
 
+from msrr_bullet.paired import Difference, mcnemar, paired_difference
 from msrr_bullet.statistics import quantile
-from msrr_bullet.studies.paired import Difference, mcnemar, paired_difference
 from msrr_scenes.errors import SceneError
 from msrr_scenes.outcome import Outcome
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from msrr_bullet.paired import Difference, mcnemar, paired_difference
 from msrr_bullet.reproduce.report.formatting import format_value
 from msrr_bullet.statistics import quantile
 from msrr_bullet.studies.measures import MEASURES, PATH_FOLLOWING, Measure, PhaseName
 from msrr_bullet.studies.model import FlagName, Row, Table
-from msrr_bullet.studies.paired import Difference, mcnemar, paired_difference
 from msrr_scenes.arrays import Array
 
 #: Probability with which two equal controllers are told apart by one figure in one setting.

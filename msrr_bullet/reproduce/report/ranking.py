@@ -6,13 +6,13 @@ from typing import NamedTuple, get_args
 
 import numpy as np
 
+from msrr_bullet.paired import mcnemar, paired_difference
 from msrr_bullet.reproduce.report.comparisons import LEVEL, format_interval, shared_values
 from msrr_bullet.reproduce.report.formatting import format_quantiles, format_rate
 from msrr_bullet.statistics import Rate
 from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.measures import measure
 from msrr_bullet.studies.model import FlagName, Reproduction, Row, Table
-from msrr_bullet.studies.paired import mcnemar, paired_difference
 from msrr_scenes.specs.control import ControlSpec
 
 #: Plant and setting of the tables by which the laws are ranked: wide and hard starts under tight limits at

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from msrr_bullet.studies.paired import mcnemar, paired_difference
+from msrr_bullet.paired import mcnemar, paired_difference
 from msrr_scenes.random_streams import stream
 
 

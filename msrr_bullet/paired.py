@@ -1,4 +1,4 @@
-"""Comparisons of two controllers on the same trials: paired, so that what the trials share cancels out."""
+"""Comparisons of two ways of running the same trials: paired, so that what the trials share cancels out."""
 
 from __future__ import annotations
 
