@@ -198,13 +198,13 @@ def sight(axes: Axes, series: TrialSeries, scene: Scene) -> None:
 def _shade_phases(axes: Axes, series: TrialSeries, named: bool) -> None:
     """Colour the background by phase, and optionally write the names of the longer phases above."""
     times = series.time.tolist()
-    duration = times[-1] or 1.0
+    duration = times[-1] - times[0] or 1.0
     for phase, start, end in phase_spans(times, series.phases):
         axes.axvspan(start, end, color=css(PHASE_COLOURS[phase]), linewidth=0.0, alpha=0.6, zorder=0)
         if named and end - start > MIN_NAMED_FRACTION * duration:
             position, coordinates = (0.5 * (start + end), 1.02), ("data", "axes fraction")
             axes.annotate(phase_name(phase), position, xycoords=coordinates, ha="center", fontsize=7)
-    axes.set_xlim(times[0], duration)
+    axes.set_xlim(times[0], times[0] + duration)
 
 
 def _mark_monitor(axes: Axes, series: TrialSeries) -> None:

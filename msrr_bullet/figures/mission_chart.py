@@ -49,7 +49,7 @@ def draw_mission_chart(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) 
         scene: Scene of the trial.
         snapshots: Snapshots of a mission in order of time, at least one.
     """
-    end = seconds(snapshots[-1].stamp_ns - snapshots[0].stamp_ns)
+    end = seconds(snapshots[-1].stamp_ns)
     colours = unit_colours(scene)
     kinds: set[EventKind] = set()
     activities: set[Activity] = set()

@@ -73,7 +73,7 @@ def write_picture(
         rows = left.subgridspec(2, 1, height_ratios=(above, below))
         cells = rows[1].subgridspec(1, len(views))
         for i, view in enumerate(views):
-            _draw_onboard(figure.add_subplot(cells[i]), view, snapshots[0].stamp_ns)
+            _draw_onboard(figure.add_subplot(cells[i]), view)
         left = rows[0]
     from_above = figure.add_subplot(left)
     draw_top_view(from_above, scene, snapshots)
@@ -99,14 +99,13 @@ def _rows_of_curves(scene: Scene, series: TrialSeries) -> list[Callable[[Axes], 
     return rows
 
 
-def _draw_onboard(axes: Axes, view: CameraView, start_ns: int) -> None:
+def _draw_onboard(axes: Axes, view: CameraView) -> None:
     axes.imshow(view.mosaic()[0], cmap="gray", vmin=0, vmax=255, interpolation="antialiased")
     for tag in view.tags:
         outline = [(float(x), float(y)) for x, y in tag.corners]
         axes.add_patch(Polygon(outline, fill=False, edgecolor=css(DETECTION)))
         x, y = (float(a) for a in tag.corners.mean(axis=0))
         axes.annotate(str(tag.tag_id), (x, y), color=css(DETECTION), fontsize=7, ha="center")
-    time = seconds(view.stamp_ns - start_ns)
-    unit = carrier_of(view.exposure.camera) or ""
+    unit, time = carrier_of(view.exposure.camera) or "", seconds(view.stamp_ns)
     axes.set_title(f"onboard {unit}, {time:.2f} s, tags found: {len(view.tags)}", fontsize=8)
     axes.set_axis_off()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import takewhile
@@ -31,7 +32,6 @@ from msrr_bullet.recordings.recording import (
 from msrr_bullet.recordings.wheels import JOINT_STATE, ODOMETRY, WHEELS, WheelReader
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.calibration_file import calibration_of
-from msrr_scenes.messages import NS_PER_S
 from msrr_scenes.specs.sensors import CalibrationSpec
 
 IMAGES = (
@@ -93,9 +93,7 @@ def open_mcap(
     check_clock(path, chosen.images)
     if chosen.odometry is not None:
         _check_wheels(path, chosen.odometry, wheels())
-    first = next(iter(read_messages(path, chosen.all())))
-    # Stamps are counted from a whole second before the first one, so that none is negative.
-    start_ns = max(first.log_ns - LONGEST_LATENCY_NS, 0) // NS_PER_S * NS_PER_S
+    start_ns = _earliest_ns(path, chosen)
     items = partial(_items, path, chosen, start_ns, wheels)
     calibration = None
     if chosen.calibration is not None:
@@ -147,8 +145,7 @@ def _nearest(topic: str, candidates: Sequence[str]) -> str | None:
 def _items(path: Path, topics: _Topics, start_ns: int, wheels: Callable[[], WheelReader]) -> Iterator[Item]:
     reader, number = wheels(), 0
     for found in read_messages(path, topics.all()):
-        arrival_ns = max(found.log_ns - start_ns, 0)
-        stamp_ns = _stamp(path, found, start_ns)
+        arrival_ns, stamp_ns = found.log_ns - start_ns, _stamp(path, found) - start_ns
         if found.topic == topics.images:
             name = f"{path}: {found.topic} at {1e-9 * stamp_ns:.3f} s"
             decode = partial(pixels_of, found.message, name)
@@ -169,21 +166,36 @@ def _angles(path: Path, reader: WheelReader, found: DecodedMessage) -> tuple[flo
     return angles if angles is not None and all(map(math.isfinite, angles)) else None
 
 
-def _stamp(path: Path, found: DecodedMessage, start_ns: int) -> int:
+def _earliest_ns(path: Path, topics: _Topics) -> int:
+    """Return the earliest time of a recording, from which all others are counted [ns].
+
+    A message is recorded at most :data:`LONGEST_LATENCY_NS` after its stamp, and its clock goes
+    back by no more than that.
+    """
+    earliest_ns = next(iter(read_messages(path, topics.all()))).log_ns
+    with suppress(RecordingError):  # it is raised again, and told, where the recording is read
+        for found in read_messages(path, topics.all()):
+            if found.log_ns > earliest_ns + 2 * LONGEST_LATENCY_NS:
+                break
+            earliest_ns = min(earliest_ns, found.log_ns, _stamp(path, found))
+    return earliest_ns
+
+
+def _stamp(path: Path, found: DecodedMessage) -> int:
     """Return the time stamp of a message; that of its recording where nobody has set it."""
     try:
         stamp_ns = stamp_of(found.message)
     except DAMAGE as error:
         raise RecordingError(f"{path}: {found.topic}: not a {found.schema}: {error}") from None
     if stamp_ns is None:
-        return found.log_ns - start_ns
+        return found.log_ns
     if abs(stamp_ns - found.log_ns) > LONGEST_LATENCY_NS:
         apart_s = 1e-9 * (found.log_ns - stamp_ns)
         raise RecordingError(
             f"{path}: {found.topic}: its stamps are {apart_s:.1f} s before their recording; with clocks that "
             "far apart nobody knows what belongs together"
         )
-    return max(stamp_ns - start_ns, 0)
+    return stamp_ns
 
 
 def _is_rectified(topic: str) -> bool:

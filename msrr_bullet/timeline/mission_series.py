@@ -24,7 +24,7 @@ class Span:
     Attributes:
         activity: What it did.
         waits_for: Unit for which it waited; None if it did not wait.
-        start_s: Beginning, from the first snapshot on [s].
+        start_s: Beginning [s].
         end_s: End [s].
     """
 
@@ -52,7 +52,7 @@ class MissionEvent:
 
     Attributes:
         kind: What happened.
-        time_s: When, from the first snapshot on [s].
+        time_s: When [s].
         text: Where to or why, in words; may be empty.
     """
 
@@ -72,9 +72,7 @@ def activity_spans(snapshots: Sequence[Snapshot], unit: str) -> Iterator[Span]:
     start = 0
     for (activity, waits_for), run in groupby(shown, key=lambda instant: instant[1:]):
         end = start + len(list(run))
-        times = [
-            seconds(shown[i][0].stamp_ns - snapshots[0].stamp_ns) for i in (start, end - (end == len(shown)))
-        ]
+        times = [seconds(shown[i][0].stamp_ns) for i in (start, end - (end == len(shown)))]
         yield Span(activity, waits_for, *times)
         start = end
 
@@ -89,15 +87,14 @@ def silent_spans(snapshots: Sequence[Snapshot], unit: str) -> Iterator[tuple[flo
         end = start + len(list(run))
         if silent:
             stamps = shown[start].stamp_ns, shown[min(end, len(shown) - 1)].stamp_ns
-            first, last = (seconds(stamp - snapshots[0].stamp_ns) for stamp in stamps)
-            yield first, last
+            yield seconds(stamps[0]), seconds(stamps[1])
         start = end
 
 
 def unit_events(snapshots: Sequence[Snapshot], unit: str) -> Iterator[MissionEvent]:
     """Yield what happened to a unit, in order of time."""
     for before, after in pairwise(of_mission(snapshots)):
-        time_s = seconds(after.stamp_ns - snapshots[0].stamp_ns)
+        time_s = seconds(after.stamp_ns)
         for kind, text in _changes(before, after, unit):
             yield MissionEvent(kind, time_s, text)
 

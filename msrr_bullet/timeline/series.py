@@ -29,7 +29,7 @@ class TrialSeries:
     """Time series of one trial with one row per snapshot. Unknown values are NaN.
 
     Attributes:
-        time: Time since the start, shape (T,) [s].
+        time: Time, shape (T,) [s].
         phases: Phase of the docking unit.
         true_port: True pose of the active port before the target's port, shape (T, 3): gap between the faces
             along the axis of the dock frame D [m], offset to the left of that axis on the way in [m],
@@ -111,7 +111,7 @@ class TrialSeries:
         off = np.array([_off_path(scene, s) for s in snapshots])
         first = [s.first for s in snapshots]
         return cls(
-            time=np.array([seconds(s.stamp_ns - snapshots[0].stamp_ns) for s in snapshots]),
+            time=np.array([seconds(s.stamp_ns) for s in snapshots]),
             phases=tuple(s.phase for s in first),
             true_port=np.array([port_in_dock(scene, s, s.docking_pose) for s in snapshots]),
             believed_port=np.array([port_in_dock(scene, s, s.first.estimate) for s in snapshots]),

@@ -103,7 +103,7 @@ class MissionNodes:
         """Return the commands that draw all ways and routes in pieces, and when each of them is shown."""
         commands: list[Command] = []
         tracks: list[Track] = []
-        times = np.array([seconds(snapshot.stamp_ns - snapshots[0].stamp_ns) for snapshot in snapshots])
+        times = np.array([seconds(snapshot.stamp_ns) for snapshot in snapshots])
 
         def show(node: str, visible: NDArray[np.bool_]) -> None:
             commands.append(set_property(node, "visible", bool(visible[0])))

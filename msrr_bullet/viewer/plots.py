@@ -12,7 +12,6 @@ from msrr_bullet.timeline.palette import BELIEF, CLEARANCE, GREEN, PATH, PLAN, V
 from msrr_bullet.timeline.series import TrialSeries
 from msrr_bullet.timeline.snapshot import Snapshot, of_unit
 from msrr_scenes.arrays import Array
-from msrr_scenes.messages import seconds
 from msrr_scenes.specs.scene import Scene
 
 #: What JSON holds of a plot: title, times, curves, limits, and half of the linear part of a logarithmic axis.
@@ -34,10 +33,8 @@ def plots_of_run(scene: Scene, snapshots: Sequence[Snapshot]) -> dict[str, list[
     """Return the plots of every unit with a step by its name, and those of the run under an empty name."""
     plots = {}
     for unit in moving_units(snapshots):
-        own = of_unit(snapshots, unit)
-        series = TrialSeries.of(scene, own)
-        start_s = seconds(own[0].stamp_ns - snapshots[0].stamp_ns)
-        plots[unit] = [_finished(plot, series.time + start_s) for plot in _unit_plots(scene, series)]
+        series = TrialSeries.of(scene, of_unit(snapshots, unit))
+        plots[unit] = [_finished(plot, series.time) for plot in _unit_plots(scene, series)]
     series = TrialSeries.of(scene, snapshots)
     plots[""] = [_finished(plot, series.time) for plot in _run_plots(scene, series)]
     return plots

@@ -25,7 +25,7 @@ _FAILURES = (EventKind.ATTEMPT_FAILED, EventKind.FAILED)
 def replay_data(
     scene: Scene, snapshots: Sequence[Snapshot], stills: Iterable[Still], events: Iterable[Event]
 ) -> dict[str, Any]:
-    """Return what a page shows of a run, as JSON holds it; times are from the first snapshot on [s].
+    """Return what a page shows of a run, as JSON holds it; times are those of the log [s].
 
     Args:
         scene: Scene of the run.
@@ -33,11 +33,10 @@ def replay_data(
         stills: Annotated frames of the cameras, in order of time for each camera.
         events: Events of the log, in order of time.
     """
-    start_ns = snapshots[0].stamp_ns
-    times = [seconds(snapshot.stamp_ns - start_ns) for snapshot in snapshots]
+    times = [seconds(snapshot.stamp_ns) for snapshot in snapshots]
     by_unit = [unit_readings(snapshot) for snapshot in snapshots]
     happened = _events(scene, snapshots, events)
-    cameras = _cameras(stills, start_ns)
+    cameras = _cameras(stills)
     return {
         "times": times,
         "end": max([times[-1], *(event["time"] for event in happened)]),
@@ -81,7 +80,7 @@ def _events(scene: Scene, snapshots: Sequence[Snapshot], logged: Iterable[Event]
     """Return the events of the log, and what happened to the units of a mission, in order of time."""
     events = []
     for event in logged:
-        time_s = seconds(event.stamp_ns - snapshots[0].stamp_ns)
+        time_s = seconds(event.stamp_ns)
         alarm = event.level.value >= Level.WARNING.value
         events.append(_event(time_s, event.source, event.text, alarm))
     for unit in scene.units if scene.coordinated else ():
@@ -95,23 +94,23 @@ def _event(time: float, source: str, text: str, alarm: bool) -> dict[str, Any]:
     return {"time": max(0.0, round(time, 3)), "source": source, "text": text, "alarm": alarm}
 
 
-def _cameras(stills: Iterable[Still], start_ns: int) -> list[dict[str, Any]]:
+def _cameras(stills: Iterable[Still]) -> list[dict[str, Any]]:
     """Return the stills of every camera, the overhead camera first."""
     by_camera: dict[str, list[Still]] = {}
     for still in stills:
         by_camera.setdefault(still.camera, []).append(still)
     ordered = sorted(by_camera.items(), key=lambda item: item[0] != OVERHEAD)
-    return [camera_data(camera, own, start_ns) for camera, own in ordered]
+    return [camera_data(camera, own) for camera, own in ordered]
 
 
-def camera_data(camera: str, stills: Sequence[Still] = (), start_ns: int = 0) -> dict[str, Any]:
-    """Return what a page shows of a camera, as JSON holds it; times are from ``start_ns`` on [s]."""
+def camera_data(camera: str, stills: Sequence[Still] = ()) -> dict[str, Any]:
+    """Return what a page shows of a camera, as JSON holds it."""
     legend = stills[0].legend if stills else ()
     return {
         "name": camera,
         "unit": carrier_of(camera),
         "kind": stills[0].kind if stills else "",
-        "times": [seconds(still.stamp_ns - start_ns) for still in stills],
+        "times": [seconds(still.stamp_ns) for still in stills],
         "images": [base64.b64encode(still.data).decode("ascii") for still in stills],
         "texts": [still.text for still in stills],
         "legend": [(text, css(colour), dashed) for text, colour, dashed in legend],

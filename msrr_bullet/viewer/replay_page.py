@@ -101,7 +101,7 @@ def _paths(snapshots: Sequence[Snapshot]) -> tuple[list[Command], list[Track]]:
 
 
 def _times(snapshots: Sequence[Snapshot]) -> Array:
-    return np.array([seconds(snapshot.stamp_ns - snapshots[0].stamp_ns) for snapshot in snapshots])
+    return np.array([seconds(snapshot.stamp_ns) for snapshot in snapshots])
 
 
 def _animation(graph: SceneGraph, snapshots: Sequence[Snapshot], paths: Sequence[Track]) -> Command:

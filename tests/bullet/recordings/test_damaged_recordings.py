@@ -130,7 +130,7 @@ def test_messages_that_are_no_images_are_named_each(trial: Trial, tmp_path: Path
     messages: list[str] = []
     result = perceive(path, trial.target, report=messages.append)
     assert (result.frames, result.unusable, result.used) == (8, 7, 1)
-    for k, message in enumerate(messages, start=2):
+    for k, message in enumerate(messages, start=1):
         assert message.startswith(f"{path}: /camera at {0.04 * k:.3f} s: ")
 
 

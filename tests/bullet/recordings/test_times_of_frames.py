@@ -7,9 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from msrr_bullet.figures.stills import draw_stills
+from msrr_bullet.log import read_log
 from msrr_bullet.recordings.perceiver import Instant
 from msrr_bullet.recordings.recording import RecordingError
 from msrr_bullet.recordings.run import Options, perceive
+from msrr_bullet.timeline.camera_views import read_exposures
+from msrr_bullet.timeline.log_snapshots import read_snapshots
+from msrr_bullet.timeline.series import TrialSeries
+from msrr_bullet.viewer.replay_data import replay_data
 from msrr_scenes.messages import NS_PER_S, Pixels
 from tests.bullet.recordings.conftest import Trial
 from tests.bullet.recordings.mcap_files import png, write_ros2
@@ -68,6 +74,23 @@ def test_frames_that_arrive_together_are_both_used(trial: Trial, tmp_path: Path)
     frames = [(100_000_000, together_ns, pixels), (140_000_000, together_ns, pixels)]
     result = perceive(write_ros2(tmp_path / "film.mcap", frames, []), trial.target)
     assert (result.frames, result.used, result.instants) == (2, 2, 2)
+
+
+def test_pages_plots_and_pictures_count_from_the_first_message(trial: Trial, tmp_path: Path) -> None:
+    """A picture arrives 60 ms after its exposure, and what follows from it has that time everywhere."""
+    start_ns = 1_700_000_000_300_000_000
+    frames = [(s, s + 60_000_000, pixels) for s, _, pixels in _standing(trial, 0, 100, 200)]
+    path = write_ros2(tmp_path / "film.mcap", frames, [], start_ns=start_ns)
+    result = perceive(path, trial.target, out=tmp_path / "run")
+    assert result.start_ns == start_ns
+    log = read_log(tmp_path / "run")
+    snapshots, scene = read_snapshots(log), log.header.scene
+    assert [exposure.stamp_ns for exposure in read_exposures(log)] == [0, 100_000_000, 200_000_000]
+    told = [0.06, 0.16, 0.26]
+    assert TrialSeries.of(scene, snapshots).time.tolist() == told
+    page = replay_data(scene, snapshots, draw_stills(log, snapshots), [])
+    assert page["times"] == told
+    assert page["stills"][0]["times"][0] == 0.0
 
 
 def test_a_clock_that_goes_back_is_refused(trial: Trial, tmp_path: Path) -> None:
