@@ -90,6 +90,8 @@ def _lens(calibration: Path) -> Lens:
 
 def _report(console: Console, found: TagMap) -> None:
     """Print the tags, the residuals by size, angle and picture, what was left out, and the refined lens."""
+    from msrr_bullet.tag_mapping.residual_figure import headline
+
     used = [s for s in found.sightings if s.kept]
     worst = sorted({s.picture for s in used}, key=lambda name: -_rms(s for s in used if s.picture == name))
     console.print(_tags_table(found))
@@ -109,14 +111,7 @@ def _report(console: Console, found: TagMap) -> None:
         names = ("focal length [px]", "cx [px]", "cy [px]", "k1", "k2")
         terms = zip(names, values, found.lens_sigma, strict=True)
         typer.echo("lens: " + ", ".join(f"{name} {value:.4g} ± {sigma:.2g}" for name, value, sigma in terms))
-    distances = found.distances()
-    median, rms = sorted(distances)[len(distances) // 2], math.sqrt(float((distances**2).mean()))
-    typer.echo(
-        f"{counted(len(found.tags), 'tag')} in {counted(len(found.X_CM), 'picture')}: "
-        f"corner residuals {median:.2f} px (median), {rms:.2f} px (RMS); "
-        f"{sum(not s.kept for s in found.sightings)} of {len(found.sightings)} "
-        "sightings left out"
-    )
+    typer.echo(headline(found))
 
 
 def _tags_table(found: TagMap) -> Table:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from msrr_bullet.figures.style import FAINT, SMALL, new_figure, save, styled
+from msrr_bullet.figures.style import SMALL, new_figure, save, styled
 from msrr_bullet.timeline.palette import BLUE, VERMILLION, css
 from msrr_perception.mapping.mapper import MappedSighting, TagMap
 from msrr_scenes.wording import counted
@@ -40,13 +40,25 @@ def draw_residuals(tag_map: TagMap, path: Path) -> Path:
         by_angle.legend(loc="upper left", frameon=False)
         _bars(by_picture, tag_map.sightings, [s.picture for s in tag_map.sightings], "picture")
         _bars(by_tag, tag_map.sightings, [str(s.tag_id) for s in tag_map.sightings], "tag")
-        distances = tag_map.distances()
-        figure.suptitle(
-            f"{counted(len(distances), 'corner')} of {counted(len(tag_map.tags), 'tag')} in "
-            f"{counted(len(tag_map.X_CM), 'picture')}: "
-            f"median {np.median(distances):.2f} px, RMS {np.sqrt(np.mean(distances**2)):.2f} px"
-        )
+        figure.suptitle(_title(tag_map))
         return save(figure, path)
+
+
+def headline(tag_map: TagMap) -> str:
+    """Return in words what the map was made of, how well it agrees with that, and how much was left out."""
+    distances = tag_map.distances()
+    return (
+        f"{counted(len(tag_map.tags), 'tag')} in {counted(len(tag_map.X_CM), 'picture')}: corner residuals "
+        f"{np.median(distances):.2f} px (median), {np.sqrt(np.mean(distances**2)):.2f} px (RMS); "
+        f"{sum(not s.kept for s in tag_map.sightings)} of {len(tag_map.sightings)} sightings left out"
+    )
+
+
+def _title(tag_map: TagMap) -> str:
+    placeless = sum(bool(np.isnan(s.residuals).any()) for s in tag_map.sightings)
+    if not placeless:
+        return headline(tag_map)
+    return f"{headline(tag_map)},\n{placeless} of them without residual: their tag or picture is not used"
 
 
 def _scatter(axes: Axes, tag_map: TagMap, places: Sequence[float], label: str) -> None:
@@ -68,12 +80,12 @@ def _bars(axes: Axes, sightings: Sequence[MappedSighting], keys: Sequence[str], 
         chosen = [s.distances for s, key in zip(sightings, keys, strict=True) if key == name and s.kept]
         values.append(float(np.sqrt(np.mean(np.square(chosen)))) if chosen else 0.0)
     axes.bar(range(len(names)), values, color=[css(BLUE)] * len(names), width=0.7)
-    axes.set_xlabel(label)
+    axes.set_xlabel(f"{label} (coloured: left out)" if 0.0 in values else label)
     axes.set_ylabel("RMS residual [px]")
     axes.grid(axis="x", visible=False)
     if len(names) <= _MOST_NAMES:
         axes.set_xticks(range(len(names)), names, rotation=90, fontsize=SMALL - 3.0)
         for tick, value in zip(axes.get_xticklabels(), values, strict=True):
-            tick.set_color(FAINT if value == 0.0 else "black")
+            tick.set_color(css(VERMILLION) if value == 0.0 else "black")
     else:
         axes.set_xticks([])

@@ -124,7 +124,7 @@ class TagMap:
         X_CM: Pose of the map in the camera of every picture that was used, by its name.
         sightings: All tags in all pictures, also those that were left out.
         left_out: What contradicts the rest, the worst first.
-        unconnected: Names of pictures that no common tag connects with the map.
+        unconnected: Names of pictures that no common tag connects with the map, of what is not left out.
         lens: Lens of the pictures, refined if that was asked for.
         lens_sigma: Standard deviations of its :data:`LENS_ENTRIES`, shape (5,); empty if it was not refined.
         sigma_px: Standard deviation of the coordinates of corners, from the residuals [px].
@@ -175,6 +175,8 @@ def map_tags(
     found = consistent.adjusted.bundle.lens
     if not has_inverse(found.camera, found.distortion):
         raise AdjustmentError("the pictures do not determine the lens; map without refining it")
+    told = {i for c in consistent.contradictions for i in c.group.members.tolist()}
+    alone |= {names[seen.view[i]] for i in np.flatnonzero(~consistent.kept).tolist() if i not in told}
     return _summary(consistent, seen, names, ids, tuple(sorted(alone)))
 
 

@@ -193,6 +193,20 @@ def test_pictures_without_a_common_tag_are_named() -> None:
     assert len(found.X_CM) == VIEWS
 
 
+def test_pictures_that_only_a_contradiction_connected_are_named() -> None:
+    """A strange tag is seen beside the others in one picture, whose tags are where they cannot be."""
+    rng = np.random.default_rng(5)
+    pictures = photographed(wall(rng), rng)
+    moved = [replace(t, corners=t.corners + rng.normal(0.0, 30.0, 2)) for t in pictures[2].tags]
+    strange = replace(moved[0], tag_id=9, corners=moved[0].corners + 200.0)
+    pictures[2] = TaggedPicture(pictures[2].name, (*moved, strange))
+    alone = TaggedPicture("alone", (replace(strange, corners=strange.corners - 20.0),))
+    found = map_tags([*pictures, alone], LENS, TAG_SIZE)
+    assert found.unconnected == ("alone",)
+    told = {(p, t) for left_out in found.left_out for p in left_out.pictures for t in left_out.tags}
+    assert {(s.picture, s.tag_id) for s in found.sightings if not s.kept} == {*told, ("alone", 9)}
+
+
 def test_a_pose_that_is_turned_over_is_turned_back() -> None:
     bundle, seen = start(refines_lens=False)
     right = adjust(adjust_robustly(bundle, seen), seen)
