@@ -31,7 +31,7 @@ from msrr_bullet.cli import (
 )
 from msrr_bullet.cli.console import open_closed_streams, open_console
 from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, Terminated, os_error_text, report_error
-from msrr_bullet.cli.options import Overrides, naming_overrides, parse_overrides, write_text
+from msrr_bullet.cli.options import Overrides, check_writable, naming_overrides, parse_overrides, write_text
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.wording import counted
 
@@ -155,6 +155,7 @@ def schema(
     """
     from msrr_scenes.loading.file_schema import file_schema
 
+    check_writable(out, "--out")
     text = json.dumps(file_schema(kind), indent=1, ensure_ascii=False) + "\n"
     if out is None:
         typer.echo(text, nl=False)

@@ -9,7 +9,7 @@ import typer
 
 from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import NOT_DOCKED
-from msrr_bullet.cli.options import Run, folder_of, run_or_last
+from msrr_bullet.cli.options import Run, check_writable, folder_of, run_or_last
 from msrr_scenes.errors import SceneError
 from msrr_scenes.wording import counted
 
@@ -134,6 +134,7 @@ def plot(
     from msrr_bullet.timeline.log_snapshots import read_snapshots, read_verdict
 
     file = out if out is not None else folder_of(run) / PLOT_NAME
+    check_writable(file, "--out")
     with status_line(open_console(), f"{run}: drawing"), unpacked_log(run) as log:
         verdict = read_verdict(log) or (None if log.header.recording else "interrupted")
         headline = ", ".join(filter(None, (verdict, log.header.origin)))
@@ -167,6 +168,7 @@ def export(
 
     if as_rerun:
         file = out if out is not None else folder_of(run) / RERUN_NAME
+        check_writable(file, "--out")
         with status_line(open_console(), f"{run}: writing a recording"), unpacked_log(run) as log:
             write_rerun(log, file)
         warn_of_early_end(log)

@@ -16,6 +16,7 @@ from msrr_bullet.export.robot_tables import ROBOT_TABLES
 from msrr_bullet.export.sensor_tables import SENSOR_TABLES
 from msrr_bullet.export.table import Column, Row, Table, columns, text, time
 from msrr_bullet.log import Log
+from msrr_bullet.run_folder import make_folder
 from msrr_bullet.timeline.log_snapshots import read_snapshots
 from msrr_bullet.timeline.series import TrialSeries
 from msrr_bullet.timeline.snapshot import Snapshot, step_histories
@@ -84,13 +85,14 @@ def write_csv(log: Log, folder: str | Path) -> tuple[Path, ...]:
         The files that were written.
 
     Raises:
-        ExportError: The folder cannot be written.
+        RunFolderError: The folder cannot be written.
+        ExportError: A file in it cannot be written.
         LogError: The log is damaged.
     """
     folder = Path(folder)
     tables = {table.kind: table for table in TABLES}
+    make_folder(folder)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         # In the same folder, to be moved within one disk.
         with TemporaryDirectory(prefix=".msrr-", dir=folder) as part_name:
             part = Path(part_name)

@@ -17,6 +17,7 @@ from msrr_bullet.figures.canvas import PAPER, Image, bgr, titled, write_png
 from msrr_bullet.figures.onboard_frame import draw_onboard
 from msrr_bullet.figures.overhead_frame import draw_overhead
 from msrr_bullet.log.reader import Log
+from msrr_bullet.run_folder import make_folder
 from msrr_bullet.timeline.camera_views import CameraView, evenly_spaced, read_camera_views, read_exposures
 from msrr_bullet.timeline.interpolation import SnapshotInterpolator
 from msrr_bullet.timeline.log_snapshots import read_snapshots
@@ -37,7 +38,7 @@ COLUMNS, TILE_WIDTH = 4, 480
 
 
 class FramesError(MsrrError):
-    """The run has no such frames, or they cannot be written."""
+    """The run has no such frames, or earlier ones cannot be deleted."""
 
 
 class FrameAnnotator:
@@ -137,16 +138,13 @@ def write_frames(
         count: Number of frames of each camera, evenly spaced over the run; :data:`COUNT` if neither is given.
 
     Raises:
-        FramesError: Both time and number are given, the run has no such frames, or the folder cannot be
-            written.
+        FramesError: Both time and number are given, or the run has no such frames.
+        RunFolderError: The folder cannot be written.
     """
     if every_s is not None and count is not None:
         raise FramesError("give the time between frames or their number, not both")
     selected = _select(log, camera, every_s, COUNT if count is None else count)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FramesError(f"{folder}: cannot be made a folder ({error.strerror})") from None
+    make_folder(folder)
     annotator = FrameAnnotator(log)
     paths: list[Path] = []
     tiles: list[Image] = []

@@ -120,6 +120,9 @@ def test_check(capsys: Capture, tmp_path: Path) -> None:
         ["tolerance", "close_range"],
         ["reproduce"],
         ["film", "no/run"],
+        ["plot", "no/run"],
+        ["export", "no/run", "--rerun"],
+        ["schema"],
     ],
     ids=lambda arguments: arguments[0],
 )
@@ -131,7 +134,7 @@ def test_a_place_that_cannot_be_written_is_named_before_the_work(
         (tmp_path / name).write_bytes(b"")
     told = CalibrationSpec(fx_px=60, fy_px=60, cx_px=32, cy_px=32, width_px=64, height_px=64)
     write_calibration(tmp_path / "camera.yaml", told)
-    place = f"{out}/film.gif" if arguments[0] == "film" else out
+    place = f"{out}/file.png" if arguments[0] in ("film", "plot", "export", "schema") else out
     assert run([*arguments, "--out", place]) == 2
     message = capsys.readouterr().err
     assert message.startswith((f"msrr: --out {place}: ", f"msrr: {place}: ")), message

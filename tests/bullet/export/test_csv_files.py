@@ -16,6 +16,7 @@ from msrr_bullet.export.csv_files import TABLES
 from msrr_bullet.log import LOG_NAME, LogError, read_log
 from msrr_bullet.log.formats import message_types
 from msrr_bullet.log.records import CameraWindow, FrameLinks
+from msrr_bullet.run_folder import RunFolderError
 from msrr_scenes.messages import Action, LosStatus, ObstacleEstimate, PoseEstimate
 from msrr_scenes.messages.coordination import Authority, MissionStatus
 
@@ -137,7 +138,7 @@ def test_the_command(short_run, blind_run, tmp_path, capsys):
 
 def test_a_folder_that_cannot_be_written_is_refused(short_log, tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(ExportError, match="cannot be written"):
+    with pytest.raises(RunFolderError, match=r"file: the folder cannot be made or .* choose another --out"):
         write_csv(short_log, tmp_path / "file")
 
 

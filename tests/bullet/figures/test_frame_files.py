@@ -9,6 +9,7 @@ from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import BAD_INPUT
 from msrr_bullet.figures.frame_files import FramesError, write_frames
 from msrr_bullet.log import read_log
+from msrr_bullet.run_folder import RunFolderError
 from msrr_bullet.timeline.camera_views import read_exposures
 from msrr_scenes.messages import NS_PER_S, OVERHEAD
 
@@ -52,7 +53,7 @@ def test_what_cannot_be_drawn_is_refused(short_log, blind_run, tmp_path, capsys)
     with pytest.raises(FramesError, match="not both"):
         write_frames(short_log, tmp_path, every_s=1.0, count=8)
     (tmp_path / "file").write_text("")
-    with pytest.raises(FramesError, match="cannot be made a folder"):
+    with pytest.raises(RunFolderError, match=r"file: the folder cannot be made or .* choose another --out"):
         write_frames(short_log, tmp_path / "file", count=1)
     assert run(["frames", str(blind_run)]) == BAD_INPUT
     assert "perception is images" in capsys.readouterr().err
