@@ -27,7 +27,7 @@ from typing import Any, Generic, TypeVar, Union, get_args, get_origin, get_type_
 import numpy as np
 
 from msrr_bullet.log.records import ClearanceRecord
-from msrr_scenes.arrays import Array
+from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import ArenaEstimate
 
@@ -95,7 +95,7 @@ def _nested(convert: Callable[[float], Json], values: Json) -> Json:
 def _array_in(values: Json) -> Array:
     array: Array = np.array(values)
     # NaN and the infinities are strings in the log.
-    return array if array.dtype == np.float64 else np.array(_nested(float, values), dtype=np.float64)
+    return frozen(array if array.dtype == np.float64 else np.array(_nested(float, values), dtype=np.float64))
 
 
 _SCALARS: dict[Any, Codec[Any]] = {

@@ -15,6 +15,7 @@ from msrr_bullet.robot.interface import CameraReader
 from msrr_bullet.sensors.calibrated_sight import Bearings, OnboardSight, OverheadSight
 from msrr_bullet.sensors.frame_dropout import FrameDropout
 from msrr_bullet.sensors.frame_timing import FrameTiming
+from msrr_scenes.arrays import frozen
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     OVERHEAD,
@@ -72,7 +73,7 @@ class ParametricOnboardCamera:
         errors = scene.parametric
         self._sigma_bearing = math.radians(errors.sigma_bearing_deg)
         self._sigma_pose = (errors.sigma_xy_m, errors.sigma_xy_m, math.radians(errors.sigma_yaw_deg))
-        self._covariance = np.diag([max(sigma, MIN_SIGMA) ** 2 for sigma in self._sigma_pose])
+        self._covariance = frozen(np.diag([max(sigma, MIN_SIGMA) ** 2 for sigma in self._sigma_pose]))
 
     def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
         """Draw one measurement; none when the frame was lost or neither edge of the target is in view."""
@@ -152,7 +153,7 @@ class ParametricOverheadCamera:
         self._timing, self._sight = timing, sight
         xy, yaw = scene.parametric.sigma_xy_m, math.radians(scene.parametric.sigma_yaw_deg)
         self._sigma = np.array([xy, xy, yaw])
-        self._covariance = np.diag(np.maximum(self._sigma, MIN_SIGMA) ** 2)
+        self._covariance = frozen(np.diag(np.maximum(self._sigma, MIN_SIGMA) ** 2))
 
     def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
         """Draw one measurement of every body; none when the frame was lost."""

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any, TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
+A = TypeVar("A", bound=NDArray[Any])
+
 #: An array of double-precision numbers; every use states shape, unit and frame.
 Array = NDArray[np.float64]
+
+
+def frozen(array: A) -> A:
+    """Return an array itself, which cannot be written from now on."""
+    array.flags.writeable = False
+    return array
 
 
 def read_only(array: Array) -> Array:

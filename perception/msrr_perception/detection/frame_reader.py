@@ -10,7 +10,7 @@ import numpy as np
 
 from msrr_perception.detection.detector import Detector
 from msrr_perception.kernels.lens import Optic, undistort
-from msrr_scenes.arrays import Array
+from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, TagDetection
 
@@ -64,9 +64,9 @@ class FrameReader:
     def _pixels(self, window: Window) -> Pixels:
         self.windows.append(window)
         pixels = self._fetch(window)
-        if self._to_light is None:
-            return pixels
-        return np.asarray(cv2.LUT(pixels, self._to_light), dtype=np.uint8)
+        if self._to_light is not None:
+            pixels = np.asarray(cv2.LUT(pixels, self._to_light), dtype=np.uint8)
+        return frozen(pixels)
 
     def _detect(self, pixels: Pixels, window: Window, detector: Detector) -> None:
         tags = detector.detect(pixels, window)
@@ -74,6 +74,9 @@ class FrameReader:
             ideal = undistort(self._optic, np.concatenate([tag.corners for tag in tags])).reshape(-1, 4, 2)
             tags = tuple(replace(tag, corners=corners) for tag, corners in zip(tags, ideal, strict=True))
         for tag in tags:
+            frozen(tag.corners)
+            if tag.corner_sigma_px is not None:
+                frozen(tag.corner_sigma_px)
             known = self.found.get(tag.tag_id)
             if known is None or tag.decision_margin > known.decision_margin:
                 self.found[tag.tag_id] = tag

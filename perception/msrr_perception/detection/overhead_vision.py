@@ -151,7 +151,8 @@ class OverheadVision:
         wanted = [i for i in self.model.tags if self._is_due(i, exposure.frame, driving, remote)]
         due = self._expected(predictions, wanted)
         sigma = np.full((4, 2), _STRAY_PX / self._policy.sigmas)
-        strays = [ExpectedTag(i, self.model.lens.distorted(at), sigma) for i, at in self._strays.items()]
+        lens = self.model.lens
+        strays = [ExpectedTag(i, np.array(lens.distorted(at)), sigma) for i, at in self._strays.items()]
         tags = [*due.values(), *strays]
         upright_px = min((e.upright_edge for e in tags), default=0.0)
         self._read(reader, detector_for(self._detectors, upright_px), tags)

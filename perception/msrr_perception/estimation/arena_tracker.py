@@ -10,7 +10,7 @@ import numpy as np
 
 from msrr_perception.estimation.body_track import BodyTrack, Motion, SeenPose, Sightings, TrackNoise
 from msrr_perception.pose.overhead_model import OverheadModel
-from msrr_scenes.arrays import Array
+from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.messages import NS_PER_S, OVERHEAD, Detections, GlobalPose, ObstacleEstimate
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -74,7 +74,7 @@ class ArenaTracker:
         located = self._localizer.locate(message) if message.exposure.camera == OVERHEAD else ()
         seen = (
             self._seen(
-                replace(pose, covariance=pose.covariance + self.model.noise),
+                replace(pose, covariance=frozen(pose.covariance + self.model.noise)),
                 self._localizer.lasting_share[pose.name] * pose.covariance,
             )
             for pose in located

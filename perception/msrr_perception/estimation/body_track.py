@@ -15,7 +15,7 @@ import numpy as np
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.kernels.track import coast, fuse
 from msrr_perception.pose.overhead_errors import PoseErrors
-from msrr_scenes.arrays import Array
+from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose, seconds
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -102,8 +102,9 @@ class SeenPose:
         if slip is not None:
             covariance = covariance + slip[:, None] * slip
         if errors is None:
-            return GlobalPose(name, stamp_ns, X_WB, covariance)
-        return GlobalPose(name, stamp_ns, X_WB, covariance + errors.own + errors.shared, errors.shared)
+            return GlobalPose(name, stamp_ns, X_WB, frozen(covariance))
+        covariance = covariance + errors.own + errors.shared
+        return GlobalPose(name, stamp_ns, X_WB, frozen(covariance), errors.shared)
 
     def is_at_place_of(self, other: SeenPose) -> bool:
         """Return whether both measurements are of one place, as far as their errors tell."""

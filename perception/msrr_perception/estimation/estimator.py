@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_scenes.arrays import frozen
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.guarded import no_result, wrong
 from msrr_scenes.messages import Detections, PoseEstimate, PoseMeasurement, WheelOdometry
@@ -71,7 +72,7 @@ def _pose(result: object, *_: object) -> PoseEstimate | None:
     for stamp in (result.stamp_ns, result.last_seen_ns):
         if not isinstance(stamp, Integral) or abs(int(stamp)) > _LATEST_NS:
             wrong(stamp, "a time in whole nanoseconds")
-    return PoseEstimate(int(result.stamp_ns), X, covariance.astype(float), int(result.last_seen_ns))
+    return PoseEstimate(int(result.stamp_ns), X, frozen(covariance.astype(float)), int(result.last_seen_ns))
 
 
 ESTIMATORS: ExtensionPoint[Estimator] = ExtensionPoint(

@@ -18,6 +18,7 @@ from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.motion import MotionNoise
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
+from msrr_scenes.arrays import frozen
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     OVERHEAD,
@@ -195,8 +196,8 @@ def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstima
     c, s = math.cos(X_WD.yaw), math.sin(X_WD.yaw)
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     covariance = by_target @ target.covariance @ by_target.T + turn @ by_sight.covariance @ turn.T
-    shared = None if target.shared is None else by_target @ target.shared @ by_target.T
-    return GlobalPose(name, by_sight.stamp_ns, X_WU, covariance, shared)
+    shared = None if target.shared is None else frozen(by_target @ target.shared @ by_target.T)
+    return GlobalPose(name, by_sight.stamp_ns, X_WU, frozen(covariance), shared)
 
 
 def pose_in_dock_frame(arena: ArenaEstimate, X_TD: SE2) -> SE2 | None:

@@ -15,7 +15,7 @@ from msrr_perception.kernels.dock_frame import predict
 from msrr_perception.kernels.drive import Drive, propagate
 from msrr_perception.pose.calibration import POSE_SIZE
 from msrr_perception.pose.target import YAW, TargetModel
-from msrr_scenes.arrays import Array
+from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, PoseEstimate, seconds
 from msrr_scenes.specs.sensors import OdometrySpec
@@ -227,7 +227,7 @@ class DriveMotion:
             state.mean, state.covariance, steps, self._packed_drive, self._marker, self._pivot
         )
         at_ns = max(stamp_ns, state.stamp_ns)
-        return PoseEstimate(at_ns, SE2(x, y, yaw), covariance, state.last_seen_ns)
+        return PoseEstimate(at_ns, SE2(x, y, yaw), frozen(covariance), state.last_seen_ns)
 
     def _steps(
         self, state: FilterState, history: WheelHistory, stamp_ns: int

@@ -19,6 +19,7 @@ from msrr_perception.kernels.project import Optics, predict_tags, tag_extent
 from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
 from msrr_perception.kernels.track import coast, fuse
 from msrr_perception.kernels.update import Rules, update
+from msrr_scenes.arrays import frozen
 
 _log = logging.getLogger(__name__)
 
@@ -33,6 +34,7 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     """
     if not compiler.is_compiled(intersect_edges):  # the last one
         announce(f"Compiling perception, once for this version (up to a minute), into {compiler.folder}")
+    # A kernel is compiled for arrays that can be written and again for those that cannot: as they are in use.
     optics = Optics(np.eye(3, order="F"), np.zeros(3), 8.0, 4.0, 4.0)
     square = np.array([[-0.5, 0.5, 2.0], [0.5, 0.5, 2.0], [0.5, -0.5, 2.0], [-0.5, -0.5, 2.0]])
     pose, state = np.zeros(5), np.zeros(8)
@@ -40,7 +42,7 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     tags = TagMap(corners, np.zeros((1, 3)), np.eye(3)[None], np.zeros(3), none.astype(np.int64), none)
     which, still = np.zeros(1, np.int64), np.zeros(3)
     pixels = np.array([[2.0, 6.0], [6.0, 6.0], [6.0, 2.0], [2.0, 2.0]])
-    predict_tags(optics, 8, 8, pose, np.eye(3), square[None], 1.0)
+    predict_tags(optics, 8, 8, pose, frozen(np.eye(3)), square[None], 1.0)
     tag_extent(pixels, np.ones((4, 2)), 1.0, 1.0, 0.1, 1.0)
     row, sheet = pixels.reshape(1, 8), DataSheet(1.0, 1.0, 1.0, 0.0)
     variances = variances_of_corners(row, np.ones((1, 4)), sheet, 1.0)
@@ -55,5 +57,5 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     pose_by_marker(state, -1, still)
     undistort(NO_LENS, pixels)
     coast(np.zeros(5), np.eye(5), 0.1, 1.0, 1.0, 1.0)
-    fuse(np.zeros(5), np.eye(5), np.zeros(3), np.eye(3))
+    fuse(np.zeros(5), np.eye(5), np.zeros(3), frozen(np.eye(3)))
     refine_corners(np.zeros((16, 16), np.uint8), 4.0 + 2.0 * (pixels[None] - 2.0))

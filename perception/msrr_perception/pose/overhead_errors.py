@@ -14,7 +14,7 @@ import numpy as np
 
 from msrr_perception.pose.calibration import mount_sigmas
 from msrr_perception.pose.global_pose import FlatTag
-from msrr_scenes.arrays import Array
+from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -81,7 +81,7 @@ class OverheadErrors:
         by_camera = _of_origin(self._by_camera(q, d), offset)
         beyond = by_camera - _of_origin(self._by_camera(q, self._above - self._height), offset)
         by_tag = _of_origin(self._by_tag(tag, X_WB.yaw, q, d), offset)
-        return PoseErrors(by_tag @ by_tag.T + beyond @ beyond.T, by_camera @ by_camera.T)
+        return PoseErrors(by_tag @ by_tag.T + beyond @ beyond.T, frozen(by_camera @ by_camera.T))
 
     def _by_camera(self, q: Array, d: float) -> Array:
         """Return what one standard deviation of each error of the camera does to a pose, shape (3, 10).

@@ -13,7 +13,7 @@ from msrr_perception.kernels.project import Optics
 from msrr_perception.pose.calibration import StateLayout, Tolerances, filter_layout, pose_layout
 from msrr_perception.pose.corner_errors import UPRIGHT_CONTRAST, CornerErrors
 from msrr_perception.pose.tone import straight_tone
-from msrr_scenes.arrays import Array
+from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pin_and_hole import PinAndHole
@@ -111,7 +111,9 @@ class TargetModel:
         X_DT = SE3.from_se2(target.dock_frame(step.target_port)).inverse()
         ids = scene.tag_ids(step.target_unit)
         corners = {
-            ids[slot]: (X_DT @ target.frame(slot)).act(tag_corners(scene.tag_size(step.target_unit, slot)))
+            ids[slot]: frozen(
+                (X_DT @ target.frame(slot)).act(tag_corners(scene.tag_size(step.target_unit, slot)))
+            )
             for slot in target.tag_slots
         }
         port_tags = tuple(ids[slot] for slot in target.marker_slots(step.target_port))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from msrr_scenes.arrays import frozen
 from msrr_scenes.messages import Pixels
 from msrr_scenes.specs.sensors import CameraSpec
 
@@ -17,4 +18,4 @@ def straight_tone(spec: CameraSpec) -> Pixels | None:
     if spec.gamma == 1.0:
         return None
     light = 255.0 * (np.arange(256) / 255.0) ** spec.gamma
-    return np.rint(light).astype(np.uint8)
+    return frozen(np.rint(light).astype(np.uint8))

@@ -111,6 +111,58 @@ class NoFilter(Failing, Estimator):
         super().add_pose(measurement)
 
 
+class WritingController(Failing, Controller):
+    def step(self, inputs):
+        if self.late():
+            inputs.pose.covariance[0, 0] = 0.0
+        return super().step(inputs)
+
+
+class WritingEstimator(Failing, Estimator):
+    def add_pose(self, measurement):
+        if self.late():
+            measurement.covariance[:] *= 2.0
+        super().add_pose(measurement)
+
+
+class WritingFilter(Failing, Estimator):
+    FAILS_AFTER = 6
+
+    def add_detections(self, detections):
+        if self.late():
+            detections.tags[0].corners[:] += 1.0
+        super().add_detections(detections)
+
+
+class WritingMap(Failing, Estimator):
+    FAILS_AFTER = 6
+
+    def __init__(self, target, odometry, delay_compensation):
+        super().__init__(target, odometry, delay_compensation)
+        self.target = target
+
+    def add_detections(self, detections):
+        if self.late():
+            self.target.corners_D[detections.tags[0].tag_id][:] += 0.01
+        super().add_detections(detections)
+
+
+class WritingDetector(Failing, Detector):
+    FAILS_AFTER = 6
+
+    def detect(self, pixels, window):
+        if self.late():
+            pixels[:] = 0
+        return super().detect(pixels, window)
+
+
+class WritingAssembler(Failing, Assembler):
+    def step(self, observation):
+        if self.late():
+            observation.arena.own.covariance[:] = 0.0
+        return super().step(observation)
+
+
 class Blind(Failing, Detector):
     FAILS_AFTER = 6
 
@@ -166,6 +218,9 @@ class NoRoute(Failing, Assembler):
     def step(self, observation):
         return math.nan if self.late() else super().step(observation)
 """
+
+#: What numpy says of an array that may not be written.
+READ_ONLY = "is read-only"
 
 #: Extension point -> key of a scene.
 KEYS = {
@@ -251,14 +306,23 @@ def test_a_renderer_without_the_method_that_a_camera_needs_is_refused() -> None:
         ("renderer", "NoRenderer", "__init__ raised OSError: no such device"),
         ("assembler", "NoProgress", "progress returned 'soon'; expected AssemblyProgress or None"),
         ("assembler", "NoRoute", "step returned nan; expected a Twist, a GiveUp or None"),
+        ("controller", "WritingController", READ_ONLY),
+        ("estimator", "WritingEstimator", READ_ONLY),
+        ("estimator", "WritingFilter", READ_ONLY),
+        ("estimator", "WritingMap", READ_ONLY),
+        ("detector", "WritingDetector", READ_ONLY),
+        ("assembler", "WritingAssembler", READ_ONLY),
     ],
 )
 @pytest.mark.usefixtures("undrawn_runs")
 def test_a_failure_stops_the_unit_and_ends_the_trial(
     kind: str, name: str, says: str, shipped: Load, tmp_path: Path
 ) -> None:
-    """All of these ended in a traceback that asked to be reported, or drove on."""
-    pixels = kind in ("detector", "renderer")
+    """All of these ended in a traceback that asked to be reported, or drove on.
+
+    Those that write into what they are given would change what the log and the rest of the robot have.
+    """
+    pixels = kind in ("detector", "renderer") or name in ("WritingFilter", "WritingMap")
     overrides = {KEYS[kind]: f"users_classes:{name}"}
     if pixels:
         overrides["cameras.onboard.samples"] = "1"
