@@ -12,7 +12,14 @@ from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_scenes.arrays import frozen
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.guarded import no_result, wrong
-from msrr_scenes.messages import Detections, PoseEstimate, PoseMeasurement, WheelOdometry
+from msrr_scenes.messages import (
+    NS_PER_S,
+    Detections,
+    PoseEstimate,
+    PoseMeasurement,
+    WheelOdometry,
+    seconds,
+)
 from msrr_scenes.registry import ExtensionPoint
 
 
@@ -51,6 +58,9 @@ class Estimator(Protocol):
 #: Farthest place, largest variance and latest time of an estimate that can be reckoned with [m, rad, ns].
 _FARTHEST_M, _LARGEST_VARIANCE, _LATEST_NS = 1e3, 1e9, 2**62
 
+#: Largest time by which the clock of a camera, and with it the stamp of an exposure, can be ahead [ns].
+_AHEAD_NS = NS_PER_S
+
 
 def _pose(result: object, *_: object) -> PoseEstimate | None:
     """Return the pose of a class of a user's own; a ValueError says what is wrong with it."""
@@ -75,6 +85,19 @@ def _pose(result: object, *_: object) -> PoseEstimate | None:
     return PoseEstimate(int(result.stamp_ns), X, frozen(covariance.astype(float)), int(result.last_seen_ns))
 
 
+def _estimate(result: object, now_ns: int) -> PoseEstimate | None:
+    """Return the pose of a class of a user's own for control, which is not of the future."""
+    pose = _pose(result)
+    for name in ("stamp_ns", "last_seen_ns") if pose is not None else ():
+        ahead_ns = getattr(pose, name) - now_ns
+        if ahead_ns > _AHEAD_NS:
+            raise ValueError(
+                f"a {name} that is {seconds(ahead_ns):.3f} s in the future; expected the time of the pose, "
+                "or of an exposure that was added"
+            )
+    return pose
+
+
 ESTIMATORS: ExtensionPoint[Estimator] = ExtensionPoint(
     {"corner_ekf": CornerEkf},
     methods={
@@ -82,7 +105,7 @@ ESTIMATORS: ExtensionPoint[Estimator] = ExtensionPoint(
         "add_detections": no_result,
         "add_pose": no_result,
         "predict": _pose,
-        "estimate": _pose,
+        "estimate": _estimate,
         "reset": no_result,
     },
 )

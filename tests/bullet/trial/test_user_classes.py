@@ -104,6 +104,12 @@ class NoPose(Failing, Estimator):
         return replace(pose, X_DU=SE2(math.nan, 0.0, 0.0)) if pose and self.late() else pose
 
 
+class Ahead(Failing, Estimator):
+    def estimate(self, now_ns):
+        pose = super().estimate(now_ns)
+        return replace(pose, last_seen_ns=now_ns + 2 * 10**9) if pose and self.late() else pose
+
+
 class NoFilter(Failing, Estimator):
     def add_pose(self, measurement):
         if self.late():
@@ -299,6 +305,7 @@ def test_a_renderer_without_the_method_that_a_camera_needs_is_refused() -> None:
         ("controller", "Leaving", "reset raised SystemExit: 0"),
         ("controller", "Unbuildable", "__init__ raised OSError: no such device"),
         ("estimator", "NoPose", "expected a pose within"),
+        ("estimator", "Ahead", "estimate returned a last_seen_ns that is 2.000 s in the future"),
         ("estimator", "NoFilter", "raised numpy.linalg.LinAlgError: Singular matrix"),
         ("detector", "Blind", "detect returned None; expected a tuple of TagDetections"),
         ("detector", "Mirrored", "expected corners in the order bottom left"),
