@@ -66,7 +66,8 @@ def tolerance(
 ) -> None:
     """Try each deviation from the drawing alone, and all by grade.
 
-    The report says what to build more precisely first.
+    The report says what to build more precisely first. Ctrl-C ends it after the trials that are running; a
+    second one ends it at once.
     """
     from msrr_scenes.loading.load import load_scene
 
