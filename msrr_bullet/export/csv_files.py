@@ -14,7 +14,7 @@ from typing import TextIO
 from msrr_bullet.export.mission_tables import MISSION_TABLES
 from msrr_bullet.export.robot_tables import ROBOT_TABLES
 from msrr_bullet.export.sensor_tables import SENSOR_TABLES
-from msrr_bullet.export.table import Column, Row, Table, columns, text, time
+from msrr_bullet.export.table import EDGES, PHASE, Column, Row, Table, columns, text, time
 from msrr_bullet.log import Log
 from msrr_bullet.run_folder import make_folder
 from msrr_bullet.timeline.log_snapshots import read_snapshots
@@ -34,7 +34,7 @@ _APPROACH_COLUMNS = columns(
     time_s="simulated time",
     unit="name of the docking unit",
     attempt="number of the attempt, from 1",
-    phase="phase of the docking step",
+    **PHASE,
     true_gap_m="true distance of the unit's port from the face of the target's, along the docking axis",
     true_lateral_m="true offset of the unit's port to the left of the docking axis",
     true_yaw_rad="true heading relative to the docking axis",
@@ -45,8 +45,7 @@ _APPROACH_COLUMNS = columns(
     commanded_w_radps="commanded turn rate",
     true_v_mps="true forward velocity until the next decision, empty in the last row of a step",
     true_w_radps="true turn rate until the next decision, empty in the last row of a step",
-    left_rad="angle of the left edge of the target",
-    right_rad="angle of the right edge of the target",
+    **EDGES,
     seen="1 when both angles were measured in an image",
     clearance_m="true smallest distance between two bodies that are neither docking nor locked together",
     believed_off_path_m="estimated distance of the controlled point from the desired point on the path",

@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from msrr_bullet.export.table import TIME, UNIT, Row, Table, columns, time, unit
+from msrr_bullet.export.table import TIME, UNIT, Row, Table, columns, one_of, time, unit
 from msrr_bullet.log import LogRecord, topics
 from msrr_bullet.log.records import RadioReceipt
-from msrr_scenes.messages.coordination import Authority, MissionStatus, UnitReport
+from msrr_scenes.messages.coordination import (
+    Authority,
+    MissionState,
+    MissionStatus,
+    UnitMode,
+    UnitReport,
+    UnitState,
+)
 
 
 def _mission_rows(record: LogRecord, m: MissionStatus) -> Iterator[Row]:
@@ -32,7 +39,7 @@ MISSION_TABLES = (
         columns(
             **TIME,
             unit="name of the unit",
-            state="what the unit is held for",
+            state=f"what the unit is held for: {one_of(UnitState)}",
             task="task that it has or had last",
             route="number of its route, 0 before the first",
             order="place of its route: a later one keeps out of what an earlier one still has to drive",
@@ -41,7 +48,7 @@ MISSION_TABLES = (
             length_m="arc length of the whole route",
             blocked_by="unit for which it waits",
             reason="why it is so",
-            mission="how the mission stands",
+            mission=f"how the mission stands: {one_of(MissionState)}",
             done="number of tasks that are done",
             given_up="number of tasks that were given up",
             replans="number of routes planned because an earlier one could not be driven to its end",
@@ -79,7 +86,7 @@ MISSION_TABLES = (
             authority="number of the newest authority that the unit had received, 0 before the first",
             route="number of the route that it follows or has followed",
             progress_m="arc length of that route that it has covered",
-            mode="what it does",
+            mode=f"what it does: {one_of(UnitMode)}",
             docked_to="port into which it believes that it is locked",
             reason="why it is in this mode",
         ),

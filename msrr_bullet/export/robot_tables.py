@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msrr_bullet.export.table import (
+    EDGES,
+    PHASE,
     POSE,
     SIGMA,
     STAMP,
@@ -13,6 +15,7 @@ from msrr_bullet.export.table import (
     Row,
     Table,
     columns,
+    one_of,
     pose,
     sigma,
     time,
@@ -26,8 +29,12 @@ from msrr_scenes.messages import (
     AssemblyProgress,
     Belief,
     CollisionMonitorState,
+    Conviction,
+    FailureReason,
     GlobalPose,
     LosObservation,
+    LosStatus,
+    MonitorState,
     ObstacleEstimate,
     PoseEstimate,
 )
@@ -64,7 +71,7 @@ ROBOT_TABLES = (
         columns(
             **UNIT,
             attempt="number of the attempt, from 1",
-            phase="phase of the docking step",
+            **PHASE,
             v_mps="commanded forward velocity",
             w_radps="commanded turn rate",
             lock="1 closes the lock, 0 opens it",
@@ -78,8 +85,8 @@ ROBOT_TABLES = (
         Belief,
         columns(
             **UNIT,
-            conviction="verdict of the unit so far",
-            setback="why the last attempt failed",
+            conviction=f"verdict of the unit so far: {one_of(Conviction)}",
+            setback=f"why the last attempt failed: {one_of(FailureReason)}",
             reason="why the last attempt failed, in words",
         ),
         lambda record, m: [(*unit(record), m.conviction, m.setback, m.reason)],
@@ -106,10 +113,9 @@ ROBOT_TABLES = (
         columns(
             **UNIT,
             **STAMP,
-            status="seen, predicted or lost",
-            left_rad="angle of the left edge of the target",
-            right_rad="angle of the right edge of the target",
-            margin_rad="angle between the border of the field of view and the nearer edge",
+            status=one_of(LosStatus),
+            **EDGES,
+            margin_rad="angle between the border of the field of view and the nearer edge, negative outside",
         ),
         lambda record, m: [(*unit(record), time(m.stamp_ns), m.status, m.left, m.right, m.margin)],
     ),
@@ -135,7 +141,7 @@ ROBOT_TABLES = (
         columns(
             **UNIT,
             **STAMP,
-            state="free, slow or stop",
+            state=one_of(MonitorState),
             body="nearest known body that matters",
             clearance_m="present distance from that body",
             ahead_m="smallest clearance along the trajectory of the command, less its uncertainty",
@@ -178,7 +184,7 @@ ROBOT_TABLES = (
         columns(
             **UNIT,
             path="number of the path, from 1",
-            shape="arc, around or staged",
+            shape="arc, around or staged; granted where a base station has planned it",
             reason="why it was chosen",
             point="number of the point, from 0",
             x_m="position",

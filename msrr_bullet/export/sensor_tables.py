@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msrr_bullet.export.table import (
+    EDGES,
     FRAME,
     POSE,
     SIGMA,
@@ -15,6 +16,7 @@ from msrr_bullet.export.table import (
     Table,
     columns,
     frame,
+    one_of,
     pose,
     sigma,
     time,
@@ -27,6 +29,7 @@ from msrr_scenes.messages import (
     GlobalPose,
     Localisation,
     LockFeedback,
+    LockPosition,
     PoseMeasurement,
     SeatSwitches,
     WheelOdometry,
@@ -37,7 +40,7 @@ _DETECTION_COLUMNS = columns(
     **FRAME,
     tag_id="identity of the tag",
     **{
-        f"{corner}_{axis}_px": f"{axis} of the tag's {corner.replace('_', ' ')} corner"
+        f"{corner}_{axis}_px": f"{axis} of the {corner.replace('_', ' ')} corner of the tag's own image"
         for corner in ("bottom_left", "bottom_right", "top_right", "top_left")
         for axis in "xy"
     },
@@ -93,10 +96,10 @@ SENSOR_TABLES = (
             body_a="name of one body",
             body_b="name of the other body",
             distance_m="distance of the two, negative when they overlap",
-            a_x_m="nearest point of body_a",
-            a_y_m="nearest point of body_a",
-            b_x_m="nearest point of body_b",
-            b_y_m="nearest point of body_b",
+            a_x_m="nearest point of body_a in the world",
+            a_y_m="nearest point of body_a in the world",
+            b_x_m="nearest point of body_b in the world",
+            b_y_m="nearest point of body_b in the world",
         ),
         _clearance_rows,
     ),
@@ -113,8 +116,8 @@ SENSOR_TABLES = (
         CameraWindow,
         columns(
             **FRAME,
-            x_px="first column",
-            y_px="first row",
+            x_px="first column, from 0",
+            y_px="first row, from 0",
             width_px="number of columns",
             height_px="number of rows",
         ),
@@ -139,7 +142,10 @@ SENSOR_TABLES = (
         "A reading of the wheel encoders.",
         WheelOdometry,
         columns(
-            **UNIT, **STAMP, left_rad="angle turned since power-up", right_rad="angle turned since power-up"
+            **UNIT,
+            **STAMP,
+            left_rad="angle that the left wheel has turned since power-up, forward positive",
+            right_rad="the same for the right wheel",
         ),
         lambda record, m: [(*unit(record), time(m.stamp_ns), m.left, m.right)],
     ),
@@ -147,14 +153,14 @@ SENSOR_TABLES = (
         "seat_switches",
         "The switches in the holes, when they change.",
         SeatSwitches,
-        columns(**UNIT, **STAMP, left="1 when pressed", right="1 when pressed"),
+        columns(**UNIT, **STAMP, left="1 when the left one is pressed", right="the same for the right one"),
         lambda record, m: [(*unit(record), time(m.stamp_ns), m.left, m.right)],
     ),
     Table(
         "lock",
         "The position that the actuator of the lock reports, when it changes.",
         LockFeedback,
-        columns(**UNIT, **STAMP, position="open, closing or closed"),
+        columns(**UNIT, **STAMP, position=one_of(LockPosition)),
         lambda record, m: [(*unit(record), time(m.stamp_ns), m.position)],
     ),
     Table(
@@ -166,8 +172,7 @@ SENSOR_TABLES = (
             **FRAME,
             **POSE,
             **SIGMA,
-            left_rad="bearing of the left edge of the target",
-            right_rad="bearing of the right edge of the target",
+            **EDGES,
         ),
         lambda record, m: [
             (*unit(record), *frame(m.exposure), *pose(m.X_DU), *sigma(m.covariance), *m.edge_bearings)

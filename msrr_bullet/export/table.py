@@ -13,15 +13,27 @@ import numpy as np
 from msrr_bullet.log import LogRecord, topics
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import NS_PER_S, Exposure
+from msrr_scenes.messages import NS_PER_S, Exposure, Phase
 
 Cell = str | int | float | bool | Enum | None
 Row = Sequence[Cell]
+
+
+def one_of(kind: type[Enum]) -> str:
+    """Return the values that a cell of this kind can have, in words."""
+    *others, last = (str(member.value) for member in kind)
+    return f"{', '.join(others)} or {last}"
+
 
 #: Names and meanings of columns that several tables have; :func:`pose`, :func:`sigma`, ... give their cells.
 TIME = {"time_s": "simulated time at which the message was sent or arrived"}
 UNIT = {**TIME, "unit": "name of the unit, or base_station"}
 STAMP = {"stamp_s": "time to which the values refer"}
+PHASE = {"phase": f"phase of the docking step: {one_of(Phase)}"}
+EDGES = {
+    f"{side}_rad": f"angle from the camera's axis to the {side} edge of the target, positive to the left"
+    for side in ("left", "right")
+}
 FRAME = {"camera": "name of the camera", "frame": "number of the frame", "exposed_s": "time of exposure"}
 POSE = {"x_m": "position", "y_m": "position", "yaw_rad": "heading, counter-clockwise positive"}
 SIGMA = {

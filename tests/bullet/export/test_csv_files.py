@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from collections import Counter
 
 import numpy as np
@@ -71,6 +72,21 @@ def test_the_columns_tell_the_frame_of_every_pose(folder):
     meanings = {row["table"]: row["about"] for row in listed if not row["column"]}
     for table in poses:
         assert ("in the world" in meanings[table]) != ("dock frame" in meanings[table])
+
+
+def test_the_columns_name_every_word_that_their_cells_have(folder, mission_run, tmp_path):
+    """The reader of ``paths.csv`` was not told of the word that stands in all rows of a mission."""
+    write_csv(mission_run.log, tmp_path)
+    words = {"phase", "conviction", "setback", "status", "state", "mission", "mode", "position", "shape"}
+    seen = set()
+    for where in (folder, tmp_path):
+        abouts = {(row["table"], row["column"]): row["about"] for row in rows(where, "columns")}
+        for (table, column), about in abouts.items():
+            if column in words:
+                values = {row[column] for row in rows(where, table)} - {""}
+                assert values <= set(re.findall(r"\w+", about)), (table, column)
+                seen |= {column} if values else set()
+    assert seen >= words - {"setback"}
 
 
 def test_numbers_read_back_to_the_bit(short_log, folder):
