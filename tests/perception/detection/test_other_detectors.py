@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,6 +49,20 @@ def test_corners_come_in_the_order_of_the_tag_and_count_from_pixel_centres(
         errors.append(found.corners - square)
     assert np.abs(np.mean(errors, axis=(0, 1))).max() < 0.1
     assert np.sqrt(np.mean(np.square(errors))) < rms_px
+
+
+def test_the_detector_that_a_page_writes_has_the_order_of_corners_that_it_names(
+    plate: Callable[..., Pixels], warp: Callable[..., Pixels]
+) -> None:
+    """A reader who kept OpenCV's order got no pose, and was not told why."""
+    page = Path(__file__).resolve().parents[3] / "docs" / "reference" / "extension_points.md"
+    (text,) = re.findall(r"```python\n(import cv2\n.*?)```", page.read_text(), re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(compile(text, str(page), "exec"), names)
+    window, place = Window(30, 20, 160, 160), np.array([30.0, 20.0])
+    (found,) = names["MyDetector"]().detect(warp(window, [(plate(7), SQUARE + place)]), window)
+    assert found.tag_id == 7
+    assert np.abs(found.corners - SQUARE - place).max() < 0.5
 
 
 def damaged(plate: Callable[..., Pixels], bits: int) -> Pixels:
