@@ -193,7 +193,7 @@ def _cells(row: UnitRow) -> tuple[str, ...]:
 
 
 def _present_text(scene: Scene, snapshot: Snapshot) -> str:
-    """Return in words where the unit believes to be and how it moves, or how it ended.
+    """Return in words where the unit believes it is and how it moves, or how it ended.
 
     The reason of the phase is of its beginning, and soon stale. It is given only where it stays true: as what
     led to a retreat or an end.

@@ -36,7 +36,7 @@ _LEGEND = (
     READ_KEY,
     DETECTION_KEY,
     Key(PATH, "docking units and their ways, truth"),
-    Key(BELIEF, "where bodies are believed; obstacles: circle about their footprint"),
+    Key(BELIEF, "where bodies are believed to be; obstacles: circle about their footprint"),
     Key(PLAN, "planned path and desired point", dashed=True),
     Key(CLEARANCE, "smallest clearance"),
     Key(SIGHT, "line of sight"),
@@ -51,7 +51,7 @@ _MISSION_LEGEND = (
     Key(DARK, "its route, thick as far as it is granted", dashed=True),
     Key(ALARM, "waits for"),
     Key(BLACK, "docked pair"),
-    Key(BELIEF, "where units under way believe to be; obstacles: circle about their footprint"),
+    Key(BELIEF, "where units under way believe they are; obstacles: circle about their footprint"),
     Key(CLEARANCE, "smallest clearance"),
 )
 

@@ -54,17 +54,17 @@ _EXTENT_EVERY = 10
 
 _LEGEND = (
     Key(PATH, "driven way, truth"),
-    Key(BELIEF, "where bodies are believed"),
+    Key(BELIEF, "where bodies are believed to be"),
     Key(PLAN, "planned path", dashed=True),
     Key(SIGHT, "line of sight"),
     Key(CLEARANCE, "smallest clearance"),
 )
 #: Legend of a recording, of which nobody knows the truth.
-_RECORDING_LEGEND = (Key(BELIEF, "where the robot believes to be, and its way"), Key(SIGHT, "line of sight"))
+_RECORDING_LEGEND = (Key(BELIEF, "where the robot believes it is, and its way"), Key(SIGHT, "line of sight"))
 _MISSION_LEGEND = (
     Key(DARK, "way of a unit, truth"),
     Key(DARK, "its route, thick as far as it is granted", dashed=True),
-    Key(BELIEF, "where units under way believe to be"),
+    Key(BELIEF, "where units under way believe they are"),
     Key(ALARM, "waits for"),
     Key(BLACK, "docked pair"),
     Key(CLEARANCE, "smallest clearance"),

@@ -52,7 +52,7 @@ _LEGEND_MISSION = (
     ("way of a unit: narrow; granted route: wide", DARK),
     ("waits for", ALARM),
     ("docked pair", BLACK),
-    ("where a unit under way believes to be", BELIEF),
+    ("where a unit under way believes it is", BELIEF),
     ("camera and line of sight", SIGHT),
     ("smallest clearance", CLEARANCE),
 )

@@ -31,7 +31,7 @@ def assert_shows_the_mission(browser, image, scene):
     for unit, colour in palette.unit_colours(scene).items():
         assert browser.pixels_of_hue(image, colour) > 300, unit
     assert browser.pixels_of(image, palette.ALARM) > 20, "arrow to the unit that is waited for"
-    assert browser.pixels_of(image, palette.BELIEF) > 30, "where units believe to be"
+    assert browser.pixels_of(image, palette.BELIEF) > 30, "where units believe they are"
 
 
 def test_the_replay_shows_units_and_who_waits_without_errors(browser, mission_run, waiting, tmp_path):
