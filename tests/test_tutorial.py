@@ -21,11 +21,12 @@ from msrr_bullet.sensors.image_noise import ImageNoise
 from msrr_bullet.simulation.tag_plates import load_tag_plate
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
+from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.arrays import Array
 from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.lens import Lens
-from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, marker_links
 from msrr_scenes.loading.calibration_file import read_calibration, write_calibration
@@ -121,6 +122,24 @@ def photograph_marker(folder: Path) -> UnitGeometry:
         with BulletWorld(scene, placement, tags=tags, built=built) as world:
             photograph(world.client, middle, places_about(middle, 14, 0.22, 0.40, 0.2), folder)
     return geometry
+
+
+def test_the_board_to_print_is_that_of_the_tutorial(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sheet has the ids, the edges and the distances that the tutorial gives to ``msrr calibrate``."""
+    page = (Path(__file__).resolve().parents[1] / "docs" / "how-to" / "calibration.md").read_text()
+    (text,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(text.replace("board.pdf", "board.png"), "calibration.md", "exec"), {})
+    assert Path("marker.pdf").stat().st_size > 1000
+    pixels = cv2.imread("board.png", cv2.IMREAD_GRAYSCALE)
+    height, width = pixels.shape
+    tags = sorted(PupilDetector().detect(pixels, Window(0, 0, width, height)), key=lambda tag: tag.tag_id)
+    assert [tag.tag_id for tag in tags] == list(range(12))
+    corners = np.array([tag.corners for tag in tags]) * 420.0 / width  # [mm], of the width of the sheet
+    assert np.abs(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1) - 50.0).max() < 0.2
+    places = corners.mean(axis=1).reshape(3, 4, 2)
+    np.testing.assert_allclose(np.diff(places, axis=1), np.full((3, 3, 2), [80.0, 0.0]), atol=0.2)
+    np.testing.assert_allclose(np.diff(places, axis=0), np.full((2, 4, 2), [0.0, 80.0]), atol=0.2)
 
 
 def test_the_scene_of_the_tutorial_loads(tmp_path: Path) -> None:
