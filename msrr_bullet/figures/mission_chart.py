@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.text import Text
 
 from msrr_bullet.figures import curves
 from msrr_bullet.figures.drawing import add_grid, halo
@@ -61,13 +62,18 @@ def draw_mission_chart(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) 
         for a, b in silent_spans(snapshots, unit):
             axes.broken_barh([(a, b - a)], (row + 0.5 * _BAR, _SILENT), facecolors=css(ALARM), linewidth=0.0)
             silent = True
-        for event in unit_events(snapshots, unit):
+        events = list(unit_events(snapshots, unit))
+        for event in events:
             marker, colour = _MARKS[event.kind]
             size = 14.0 if event.kind is EventKind.GRANTED else 5.0
             axes.plot(event.time_s, row, marker, color=css(colour), markersize=size, zorder=4)
             kinds.add(event.kind)
-            if event.kind is EventKind.GRANTED:
-                _write(axes, event.time_s + 0.006 * end, row - 0.5 * _BAR, event.text, va="top")
+        granted = [event for event in events if event.kind is EventKind.GRANTED]
+        for event, until in zip(granted, [*(e.time_s for e in granted[1:]), end], strict=True):
+            label = _write(axes, event.time_s + 0.006 * end, row - 0.5 * _BAR, event.text, va="top")
+            # It ends where the next one begins, which would be written over it.
+            room = Rectangle((event.time_s, row - 0.5), until - event.time_s, 1.0, transform=axes.transData)
+            label.set_clip_path(room)
     axes.set(xlim=(0.0, end or 1.0), ylim=(len(scene.units) - 0.45, -0.55))
     axes.set_yticks(range(len(scene.units)), list(scene.units), fontsize=9, fontweight="bold")
     for label, colour in zip(axes.get_yticklabels(), colours.values(), strict=True):
@@ -120,8 +126,8 @@ def _draw_span(axes: Axes, row: int, span: Span, end: float) -> None:
         )
 
 
-def _write(axes: Axes, x: float, y: float, text: str, ha: str = "left", va: str = "center") -> None:
-    axes.text(x, y, text, fontsize=6.5, ha=ha, va=va, clip_on=True, zorder=5, path_effects=halo())
+def _write(axes: Axes, x: float, y: float, text: str, ha: str = "left", va: str = "center") -> Text:
+    return axes.text(x, y, text, fontsize=6.5, ha=ha, va=va, clip_on=True, zorder=5, path_effects=halo())
 
 
 def _bars(activities: set[Activity]) -> list[Artist]:

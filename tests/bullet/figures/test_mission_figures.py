@@ -11,6 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from msrr_bullet.cli.app import run
+from msrr_bullet.figures import mission_chart
 from msrr_bullet.figures.annotation import DrawingContext
 from msrr_bullet.figures.canvas import Canvas, on_paper, table
 from msrr_bullet.figures.frame_files import FrameAnnotator
@@ -22,7 +23,7 @@ from msrr_bullet.figures.summary import write_picture
 from msrr_bullet.figures.top_view import draw_top_view
 from msrr_bullet.timeline import palette
 from msrr_bullet.timeline.camera_views import CameraView
-from msrr_bullet.timeline.mission_series import activity_spans
+from msrr_bullet.timeline.mission_series import EventKind, MissionEvent, activity_spans
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import OVERHEAD, Exposure
@@ -108,6 +109,20 @@ def test_the_chart_has_a_bar_for_every_span_and_hatches_the_time_of_waiting(draw
     assert [label.get_text() for label in axes.get_yticklabels()] == list(scene.units)
     labels = {text.get_text() for text in axes.get_legend().get_texts()}
     assert {"docked", "route granted", "not heard by the base station"} <= labels
+
+
+def test_the_name_of_a_route_ends_where_that_of_the_next_begins(drawn, mission_run, scene, monkeypatch):
+    """A unit that made way and then got its own route had both written over each other."""
+    soon = [
+        MissionEvent(EventKind.GRANTED, time_s, text) for time_s, text in ((1.0, "makes way"), (1.2, "to"))
+    ]
+    monkeypatch.setattr(mission_chart, "unit_events", lambda snapshots, unit: iter(soon))
+    axes = drawn(draw_mission_chart, scene, mission_run.snapshots)
+    first, second = (next(t for t in axes.texts if t.get_text() == event.text) for event in soon)
+    x, _ = axes.transData.transform((second.get_position()[0], 0.0))
+    room = first.get_clip_box()
+    assert room is not None
+    assert first.get_window_extent().x1 > x > room.x1
 
 
 def test_the_plot_of_a_mission_is_its_chart_and_that_of_a_unit_its_curves(
