@@ -65,8 +65,8 @@ class StateMemory:
         leg: Leg of the calibration drive under way, counted from 0.
         askew: Timer of one seat switch alone being closed.
         limited: Timer of the collision monitor slowing or stopping the unit.
-        sigma_lateral: Standard deviation of the lateral estimate [m] when the pins came to the port, in which
-            spinning wheels make it larger; 0 in a stay that begins there.
+        sigma_lateral: Smallest standard deviation of the lateral estimate [m] on the way to the port, near
+            which wheels that may spin make it larger; 0 in a stay that begins there.
     """
 
     def __init__(self, since_ns: int) -> None:

@@ -111,7 +111,7 @@ def dock(c: DockingContext) -> Twist | Transition:
         return _fail(f"target lost for {spec.lost_time_s:.2f} s", FailureReason.TARGET_LOST)
     at_port = view.gap <= c.setup.pin_reach + tuning.contact_m
     if not at_port:
-        c.memory.sigma_lateral = view.sigma_lateral
+        c.memory.sigma_lateral = min(c.memory.sigma_lateral or math.inf, view.sigma_lateral)
     closed = switches is not None and switches.both
     near = with_doubt(tuning.near_m, view.sigma_gap)
     agrees = in_seat_range(view.gap - tuning.seated_gap_m, near) or not spec.verify.by_sight
@@ -124,6 +124,7 @@ def dock(c: DockingContext) -> Twist | Transition:
     monitor = c.observation.monitor
     limited_s = c.memory.limited.update(monitor is not None and monitor.limits, now_ns)
     pressed = at_port and (monitor is None or monitor.state is not MonitorState.STOP)
+    one_closed = switches is not None and switches.left != switches.right
     if idle > spec.stall_time_s:
         # The first decision of the monitor comes with the next instant.
         held = limited_s >= idle - 2.0 * c.dt
@@ -132,7 +133,9 @@ def dock(c: DockingContext) -> Twist | Transition:
         else:
             reason = f"no progress for {idle:.1f} s at {view}"
         if pressed and not closed:
-            c.aim.jammed(_ASIDE * c.memory.sigma_lateral, to_left=view.yaw > 0.0)
+            # The pin that is farther in tells how the unit is turned: sight may be off by more than that.
+            to_left = switches.right if one_closed and switches is not None else view.yaw > 0.0
+            c.aim.jammed(_ASIDE * c.memory.sigma_lateral, to_left)
         return _fail(reason, FailureReason.STALLED, reassemble=held)
     twist = c.controller.step(c.control_inputs(pose))
     if not at_port:
@@ -142,7 +145,6 @@ def dock(c: DockingContext) -> Twist | Transition:
         if off_lateral > tuning.capture_share * c.setup.mouth or off_yaw > math.radians(tuning.capture_deg):
             return _fail(f"too far off the axis at {view}", FailureReason.OFF_AXIS)
     turn = min(max(twist.w, -tuning.press_turn_radps), tuning.press_turn_radps)
-    one_closed = switches is not None and switches.left != switches.right
     if c.memory.askew.update(one_closed, now_ns) > tuning.askew_s and switches is not None:
         # One pin is at the bottom of its hole, and friction holds the other one: sight cannot tell so small
         # an angle, but the switches do.

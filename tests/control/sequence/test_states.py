@@ -290,13 +290,23 @@ def test_where_one_pin_is_in_it_turns_the_other_one_in(
 
 
 def _turn_after_jam(
-    desk: Desk, yaw: float, sigma_y: float, monitor: CollisionMonitorState | None = None
+    desk: Desk,
+    yaw: float,
+    sigma_y: float,
+    monitor: CollisionMonitorState | None = None,
+    closed: bool | tuple[bool, bool] = False,
+    near: float | None = None,
 ) -> float:
-    """Let pins jam in the port, and return how a unit on the axis turns in the next attempt."""
+    """Let pins jam in the port, and return how a unit on the axis turns in the next attempt.
+
+    The side is known to ``sigma_y`` [m] on the way, and to ``near`` [m] from a gap of 25 mm on.
+    """
     covariance = _wide(sigma_y, 1e-3)
     desk.ask(desk.at(0.1), covariance=covariance)
+    covariance = covariance if near is None else _wide(near, 1e-3)
+    desk.ask(desk.at(0.025), covariance=covariance)
     for _ in range(400):
-        at_port = desk.ask(desk.at(0.003, 0.0, yaw), closed=False, covariance=covariance, monitor=monitor)
+        at_port = desk.ask(desk.at(0.003, 0.0, yaw), closed=closed, covariance=covariance, monitor=monitor)
         if at_port.phase is Phase.RETREAT:
             break
     assert desk.machine.belief.setback is FailureReason.STALLED
@@ -319,6 +329,32 @@ def test_after_a_jam_it_aims_to_the_side_to_which_the_funnel_has_turned_it(
     first = (_turn_after_jam(desk, yaw, 0.001) - straight) * yaw
     second = (_turn_after_jam(desk, -yaw, 0.001) - straight) * yaw
     assert 0.0 < second < first
+
+
+@pytest.mark.parametrize(("closed", "yaw"), [((True, False), 0.01), ((False, True), -0.01)])
+def test_the_pin_that_is_in_tells_the_side_of_a_jam_where_sight_says_the_other(
+    facts: DockSetup, closed: tuple[bool, bool], yaw: float
+) -> None:
+    """A camera that is off by two degrees shows a unit turned to the wrong side; the holes turn it by one."""
+    by_sight, by_switch, sure = (Desk(facts) for _ in range(3))
+    for each in (by_sight, by_switch, sure):
+        each.to_dock()
+    straight = _turn_after_jam(sure, yaw, 0.0)
+    seen = _turn_after_jam(by_sight, yaw, 0.001) - straight
+    told = _turn_after_jam(by_switch, yaw, 0.001, closed=closed) - straight
+    assert seen * told < 0.0
+
+
+def test_doubt_about_the_wheels_at_the_port_does_not_lead_the_next_attempt_farther_aside(
+    facts: DockSetup,
+) -> None:
+    """There each wheel may spin, and the side is less certain than a moment ago; sight is off by no more."""
+    turns = []
+    for near in (0.002, 0.02):
+        desk = Desk(facts)
+        desk.to_dock()
+        turns.append(_turn_after_jam(desk, 0.02, 0.002, near=near))
+    assert turns[0] == turns[1]
 
 
 @pytest.mark.parametrize(("state", "aims"), [(MonitorState.SLOW, True), (MonitorState.STOP, False)])
