@@ -144,6 +144,8 @@ def dock(c: DockingContext) -> Twist | Transition:
         off_yaw, off_lateral = abs(view.yaw), abs(view.lateral - c.aim.lateral)
         if off_lateral > tuning.capture_share * c.setup.mouth or off_yaw > math.radians(tuning.capture_deg):
             return _fail(f"too far off the axis at {view}", FailureReason.OFF_AXIS)
+    if closed and agrees:  # on a slippery floor wheels push the target along for as long as they spin
+        return STILL
     turn = min(max(twist.w, -tuning.press_turn_radps), tuning.press_turn_radps)
     if c.memory.askew.update(one_closed, now_ns) > tuning.askew_s and switches is not None:
         # One pin is at the bottom of its hole, and friction holds the other one: sight cannot tell so small
@@ -153,7 +155,7 @@ def dock(c: DockingContext) -> Twist | Transition:
 
 
 def lock(c: DockingContext) -> Twist | Transition:
-    """Close the lock while leaning on the port without pushing."""
+    """Close the lock, with the wheels at rest."""
     switches, report, memory, tuning = c.observation.switches, c.observation.lock, c.memory, c.tuning
     opened = switches is None or not switches.both
     if memory.switches.update(opened, c.now_ns) > tuning.debounce_s:
@@ -166,7 +168,7 @@ def lock(c: DockingContext) -> Twist | Transition:
         return Transition(Phase.VERIFY, f"cam closed after {memory.lasted(c.now_ns):.2f} s")
     if memory.lasted(c.now_ns) > tuning.latch_s:
         return _fail(f"cam not closed in {tuning.latch_s:.1f} s", FailureReason.NOT_LATCHED)
-    return Twist(tuning.hold_share * c.spec.press_mps, 0.0)
+    return STILL
 
 
 def verify(c: DockingContext) -> Twist | Transition:

@@ -56,7 +56,6 @@ class PhaseTuning(Spec):
         progress_m: Smallest approach to the seat that counts as progress.
         progress_share: Share of the speed promised by the controller that the approach has to keep, on
             average over ``docking.stall_time_s``. Healthy approaches of all five laws keep 0.2 and more.
-        hold_share: Share of the press speed that is kept while the lock closes.
         latch_s: Time that the lock may take to report closed.
         unlatch_s: Time that the lock may take to report open before the unit backs out regardless.
         look_around_s: Time for which the unit waits for an overhead picture before it backs out regardless.
@@ -82,7 +81,6 @@ class PhaseTuning(Spec):
     seated_gap_m: Distance = 0.0
     progress_m: Length = 0.001
     progress_share: float = Field(default=0.1, ge=0.0, le=1.0)
-    hold_share: float = Field(default=0.3, ge=0.0, le=1.0)
     latch_s: Duration = 3.0
     unlatch_s: Duration = 2.0
     look_around_s: Duration = 1.0

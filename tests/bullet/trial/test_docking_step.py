@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
+from msrr_bullet.log import MemoryRecorder, TruePose
 from msrr_bullet.run import run_trial
 from msrr_bullet.sweep.summarise import summarise
 from msrr_bullet.trial.docking_step import DockingStep
+from msrr_bullet.trial.trial import Trial
 from msrr_scenes.loading.load import load_scene
+from msrr_scenes.messages import Action, Phase
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
@@ -127,3 +131,23 @@ def test_the_time_limit_ends_slow_control_and_the_pull_test(shipped: Load) -> No
         result = run_trial(shipped("close_range", {**contact, **limit}), 1)
         assert result.outcome is outcome
         assert (result.steps[0].pull_test_passed is None) is (outcome is Outcome.TIMEOUT)
+
+
+@pytest.mark.parametrize(("lag_ms", "most_mm"), [(0, 5.0), (100, 10.0), (280, 23.0)])
+def test_a_unit_in_its_seat_does_not_push_its_target_over_a_slippery_floor(
+    shipped: Load, lag_ms: int, most_mm: float
+) -> None:
+    """Wheels that spin push as hard as those of the target hold; only how long they spin is left to the unit.
+
+    While it pressed on until the lock had closed, the target slid by 11, 15 and 25 mm.
+    """
+    floor = {"as_built.floor.friction_percent": "-66", "as_built.drive.lag_ms": str(lag_ms)}
+    recorder = MemoryRecorder()
+    result = Trial(shipped("close_range", {**floor, "perception": "parametric"}), 0, recorder=recorder).run()
+    done_ns = min(ns for _, ns, m in recorder.messages if isinstance(m, Action) and m.phase is Phase.DONE)
+    poses = [(ns, m.X_WB) for _, ns, m in recorder.messages if isinstance(m, TruePose) and m.name == "b"]
+    before, after = poses[0][1], next(X for ns, X in poses if ns >= done_ns)
+    pushed = 1e3 * math.hypot(after.x - before.x, after.y - before.y)
+    print(f"a drive that lags by {lag_ms} ms pushed its target by {pushed:.1f} mm")
+    assert result.docked
+    assert pushed < most_mm
