@@ -105,6 +105,8 @@ class Autonomy:
         """
         target = TargetModel.from_scene(scene, step)
         detector = scene_detector(scene)
+        self._target_tags = target.corners_D.keys()
+        self._tags_read_ns: int | None = None
         self._estimator: Estimator = build(
             "estimator",
             scene.control.estimator,
@@ -211,6 +213,8 @@ class Autonomy:
             case Detections() if message.exposure.camera == self._onboard:
                 self._estimator.add_detections(message)
                 self._los_estimator.add_detections(message)
+                if any(tag.tag_id in self._target_tags for tag in message.tags):
+                    self._tags_read_ns = message.exposure.stamp_ns
             case PoseMeasurement():
                 self._estimator.add_pose(message)
                 self._los_estimator.add_pose(message)
@@ -242,6 +246,7 @@ class Autonomy:
                 overhead_exposed_ns=self._overhead.newest_ns if self._overhead else None,
                 monitor=self.monitor,
                 passed=self._passed,
+                tags_read_ns=self._tags_read_ns,
             )
         )
         if action.phase is Phase.DONE and before is Phase.VERIFY:

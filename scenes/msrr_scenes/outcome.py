@@ -33,7 +33,7 @@ class Outcome(Enum):
     GAVE_UP = "gave_up"
     """The marker was detected at least once, nothing stood in the way, and the port was not reached."""
     NEVER_DETECTED = "never_detected"
-    """The marker was never seen."""
+    """The marker was never seen, or no pose agreed with the tags that were read."""
     BLOCKED = "blocked"
     """The robot found no free path to the target and stopped where it was safe."""
     COLLISION = "collision"

@@ -33,6 +33,8 @@ class Observation(NamedTuple):
         overhead_exposed_ns: Exposure time of the newest overhead picture that has arrived, None before one.
         monitor: Decision of the collision monitor on the last command, None before the first.
         passed: What it let pass of that command; None without a monitor, or before the first.
+        tags_read_ns: Exposure time of the newest onboard frame in which a tag of the target was read, whether
+            or not a pose agrees with it; None before one.
     """
 
     now_ns: int
@@ -45,6 +47,7 @@ class Observation(NamedTuple):
     overhead_exposed_ns: int | None = None
     monitor: CollisionMonitorState | None = None
     passed: Twist | None = None
+    tags_read_ns: int | None = None
 
     @property
     def held(self) -> str:

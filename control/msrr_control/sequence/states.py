@@ -27,7 +27,16 @@ from msrr_control.sequence.evidence import (
 )
 from msrr_control.sequence.observation import GiveUp
 from msrr_control.sequence.search import scan, turn_rate
-from msrr_scenes.messages import Belief, Conviction, FailureReason, LockPosition, MonitorState, Phase, Twist
+from msrr_scenes.messages import (
+    Belief,
+    Conviction,
+    FailureReason,
+    LockPosition,
+    MonitorState,
+    Phase,
+    Twist,
+    seconds,
+)
 from msrr_scenes.wording import counted
 
 STILL = Twist()
@@ -52,6 +61,14 @@ def assemble(c: DockingContext) -> Twist | Transition:
     return decision
 
 
+def _what_was_read(c: DockingContext, unseen: float) -> str:
+    """Return in words what the onboard camera read during a search that gave no pose."""
+    read_ns = c.observation.tags_read_ns
+    if read_ns is None or seconds(c.now_ns - read_ns) > unseen:
+        return "no marker seen"
+    return "no pose agrees with the tags that were read (turned, or of another size or place?)"
+
+
 def hand_over(c: DockingContext) -> Twist | Transition:
     """Wait for a certain estimate and a target inside the cone; search for a target that is not seen."""
     view, memory, tuning, max_w = c.view, c.memory, c.tuning, c.setup.limits.w_max_radps
@@ -63,7 +80,7 @@ def hand_over(c: DockingContext) -> Twist | Transition:
                 return _fail(
                     f"target not found in {unseen:.1f} s", FailureReason.TARGET_LOST, reassemble=True
                 )
-            reason = f"no marker seen in {unseen:.1f} s"
+            reason = f"{_what_was_read(c, unseen)} in {unseen:.1f} s"
             if c.assembler is None:
                 return Transition(Phase.FAILED, reason, FailureReason.NEVER_DETECTED)
             return _fail(reason, FailureReason.NEVER_DETECTED, reassemble=True)

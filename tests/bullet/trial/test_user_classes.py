@@ -176,6 +176,12 @@ class Blind(Failing, Detector):
         return None if self.late() else super().detect(pixels, window)
 
 
+class HalfTurned(Detector):
+    def detect(self, pixels, window):
+        tags = super().detect(pixels, window)
+        return tuple(replace(tag, corners=tag.corners[[2, 3, 0, 1]].copy()) for tag in tags)
+
+
 class Mirrored(Blind):
     def detect(self, pixels, window):
         tags = PupilDetector.detect(self, pixels, window)
@@ -246,6 +252,19 @@ def in_the_folder_of_the_classes(
     folder = tmp_path_factory.mktemp("classes")
     (folder / "users_classes.py").write_text(CLASSES)
     monkeypatch.chdir(folder)
+
+
+def test_tags_that_are_read_but_agree_with_no_pose_are_told_from_none(shipped: Load) -> None:
+    """As on a robot whose tags are glued on by half a turn, or with corners in another order."""
+    reasons = [
+        Trial(shipped("close_range", {**overrides, "docking.attempts": "1"}), SEED).run().reason
+        for overrides in (
+            {"control.detector": "users_classes:HalfTurned"},
+            {"cameras.onboard.dropout": "1"},
+        )
+    ]
+    assert reasons[0].startswith("no pose agrees with the tags that were read")
+    assert reasons[1].startswith("no marker seen")
 
 
 @pytest.mark.nightly
