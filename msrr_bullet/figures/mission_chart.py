@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -69,10 +70,11 @@ def draw_mission_chart(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) 
             axes.plot(event.time_s, row, marker, color=css(colour), markersize=size, zorder=4)
             kinds.add(event.kind)
         granted = [event for event in events if event.kind is EventKind.GRANTED]
-        for event, until in zip(granted, [*(e.time_s for e in granted[1:]), end], strict=True):
-            label = _write(axes, event.time_s + 0.006 * end, row - 0.5 * _BAR, event.text, va="top")
+        spans = pairwise([*(event.time_s for event in granted), end])
+        for event, (start, until) in zip(granted, spans, strict=True):
+            label = _write(axes, start + 0.006 * end, row - 0.5 * _BAR, event.text, va="top")
             # It ends where the next one begins, which would be written over it.
-            room = Rectangle((event.time_s, row - 0.5), until - event.time_s, 1.0, transform=axes.transData)
+            room = Rectangle((start, row - 0.5), until - start, 1.0, transform=axes.transData)
             label.set_clip_path(room)
     axes.set(xlim=(0.0, end or 1.0), ylim=(len(scene.units) - 0.45, -0.55))
     axes.set_yticks(range(len(scene.units)), list(scene.units), fontsize=9, fontweight="bold")

@@ -23,7 +23,7 @@ from msrr_bullet.figures.summary import write_picture
 from msrr_bullet.figures.top_view import draw_top_view
 from msrr_bullet.timeline import palette
 from msrr_bullet.timeline.camera_views import CameraView
-from msrr_bullet.timeline.mission_series import EventKind, MissionEvent, activity_spans
+from msrr_bullet.timeline.mission_series import EventKind, MissionEvent, activity_spans, unit_events
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import OVERHEAD, Exposure
@@ -123,6 +123,14 @@ def test_the_name_of_a_route_ends_where_that_of_the_next_begins(drawn, mission_r
     room = first.get_clip_box()
     assert room is not None
     assert first.get_window_extent().x1 > x > room.x1
+
+
+def test_a_unit_that_got_no_route_has_its_row_without_a_name_of_one(drawn, mission_run, scene):
+    """A trial that ends early leaves units that were never sent anywhere."""
+    early = mission_run.snapshots[:1]
+    assert not any(event.kind is EventKind.GRANTED for u in scene.units for event in unit_events(early, u))
+    axes = drawn(draw_mission_chart, scene, early)
+    assert [label.get_text() for label in axes.get_yticklabels()] == list(scene.units)
 
 
 def test_the_plot_of_a_mission_is_its_chart_and_that_of_a_unit_its_curves(
