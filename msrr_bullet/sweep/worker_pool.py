@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import logging
 import multiprocessing
 import os
 import signal
@@ -19,6 +20,9 @@ from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.wall_limit import WallLimitError
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.wording import counted
+
+_log = logging.getLogger(__name__)
 
 #: Runs one trial; importable by name, because it is sent to other processes. A sweep with a limit on the wall
 #: clock gives it as ``wall_limit_s``.
@@ -149,6 +153,11 @@ class WorkerPool:
             if future.cancel():
                 del self._running[future]
         try:
+            if self._running:
+                _log.warning(
+                    "interrupted; waits for %s to end, which another Ctrl-C drops",
+                    counted(len(self._running), "trial"),
+                )
             while self._running:
                 self._collect()
         except KeyboardInterrupt:
