@@ -158,11 +158,44 @@ def _candidates(stem: str) -> Iterator[str]:
 def _table(pictures: Sequence[PictureTags]) -> Table:
     from rich.table import Table
 
+    if _any_pose(pictures):
+        return _pose_table(pictures)
     table = Table("picture", "size [px]", "tags")
     for picture in pictures:
         ids = ", ".join(_short(found) for found, _ in picture.tags)
         table.add_row(picture.name, f"{picture.width} x {picture.height}", ids or "none")
     return table
+
+
+def _any_pose(pictures: Sequence[PictureTags]) -> bool:
+    return any(poses for picture in pictures for _, poses in picture.tags)
+
+
+def _pose_table(pictures: Sequence[PictureTags]) -> Table:
+    """Return the best pose of each tag."""
+    from rich.table import Table
+
+    table = Table(title="The best pose of each tag in the camera", title_justify="left")
+    table.add_column("picture", overflow="fold")
+    table.add_column("tag")
+    for column in ("right [m]", "down [m]", "away [m]", "yaw [deg]", "residual [px]"):
+        table.add_column(column, justify="right")
+    for picture in pictures:
+        rows = [(_short(found), *_numbers(poses[:1])) for found, poses in picture.tags] or [("none",)]
+        for i, row in enumerate(rows):
+            table.add_row("" if i else picture.name, *row)
+    return table
+
+
+def _numbers(poses: Sequence[TagPose]) -> Iterator[str]:
+    for pose in poses:
+        yield from (f"{x:.4f}" for x in pose.X_CT.p)
+        yield from (f"{x:.2f}" for x in (_yaw_deg(pose), pose.reprojection_px))
+
+
+def _yaw_deg(pose: TagPose) -> float:
+    """Return the angle by which a tag is turned about its vertical axis [deg]."""
+    return math.degrees(math.atan2(pose.X_CT.R[0, 2], pose.X_CT.R[2, 2]))
 
 
 def _short(found: FoundTag) -> str:
@@ -179,7 +212,7 @@ def _summary(work: _Work) -> str:
         f"the library with its defaults: {counted(work.library_tags, 'tag')}, "
         f"{1e3 * work.library_s / count:.1f} ms"
     )
-    if any(poses for picture in work.pictures for _, poses in picture.tags):
+    if _any_pose(work.pictures):
         text += f"\nstandard deviation of a corner's coordinate: {corner_sigma_px(work.pictures):.2f} px"
     return text
 
@@ -224,7 +257,7 @@ def _detection(found: FoundTag, poses: Sequence[TagPose], scale: float) -> dict[
             {
                 "R_CT": pose.X_CT.R.tolist(),
                 "p_CT_m": pose.X_CT.p.tolist(),
-                "yaw_deg": math.degrees(math.atan2(pose.X_CT.R[0, 2], pose.X_CT.R[2, 2])),
+                "yaw_deg": _yaw_deg(pose),
                 "reprojection_px": pose.reprojection_px,
                 "covariance": (scale * pose.covariance).tolist(),
             }

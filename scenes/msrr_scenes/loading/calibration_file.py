@@ -1,7 +1,8 @@
 """Calibrations of cameras in files of OpenCV and of ROS, both in YAML, the former also in JSON.
 
 Both name the same things alike: ``image_width``, ``image_height``, ``camera_matrix`` and
-``distortion_coefficients``, the two matrices with ``rows``, ``cols`` and ``data``.
+``distortion_coefficients``, the two matrices with ``rows``, ``cols`` and ``data``. A message ``CameraInfo``
+of ROS is read as well, as ``ros2 topic echo --once`` or ``rostopic echo -n1`` prints it.
 
 Source: what OpenCV's calibration sample writes by ``cv::FileStorage``; ``camera_calibration_parsers`` of ROS.
 """
@@ -27,6 +28,9 @@ _MODEL = "plumb_bob"
 
 #: Mark of YAML 1.0 in the form of OpenCV, which no YAML reader accepts, and its tag of a matrix.
 _HEADER, _MATRIX_TAG = "%YAML:1.0", "!!opencv-matrix"
+
+#: What ROS prints after each message.
+_END = "\n---"
 
 
 class _Matrix(Spec, extra="ignore"):
@@ -57,12 +61,27 @@ def read_calibration(path: Path) -> CalibrationSpec:
     Raises:
         SceneError: The file cannot be read, is not such a file, or describes another model of a lens.
     """
-    text = read_text(path)
-    document = parse_document(text.removeprefix(_HEADER).replace(_MATRIX_TAG, ""), str(path))
+    text = read_text(path).removeprefix(_HEADER).replace(_MATRIX_TAG, "")
+    document = parse_document(text.rstrip().removesuffix(_END), str(path))
     try:
-        return _calibration(_CalibrationFile.model_validate(document.data), path)
+        return _calibration(_CalibrationFile.model_validate(_as_file(document.data)), path)
     except ValidationError as error:
         raise SceneError(_explained(error, document)) from None
+
+
+def _as_file(data: dict[str, Any]) -> dict[str, Any]:
+    """Return a printed message ``CameraInfo`` under the keys of a file, and anything else as it is."""
+    k, d = (data.get(key, data.get(key.upper())) for key in "kd")  # ROS 1 has capital letters
+    if not (isinstance(k, list) and isinstance(d, list)):
+        return data
+    lens = d or [0.0] * len(COEFFICIENTS)
+    return {
+        "image_width": data.get("width"),
+        "image_height": data.get("height"),
+        "camera_matrix": {"rows": 3, "cols": 3, "data": k},
+        "distortion_coefficients": {"rows": 1, "cols": len(lens), "data": lens},
+        "distortion_model": data.get("distortion_model") or _MODEL,
+    }
 
 
 def write_calibration(path: Path, told: CalibrationSpec, form: Literal["ros", "opencv"] = "ros") -> None:

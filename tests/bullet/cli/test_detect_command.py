@@ -31,6 +31,21 @@ def folder(tmp_path: Path) -> Path:
     return pictures
 
 
+def test_poses_are_printed(
+    folder: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The tag is 64 px wide at 200 px of focal length, in the middle of the picture."""
+    monkeypatch.setenv("COLUMNS", "200")
+    cv2.imwrite(str(folder / "bad.png"), np.full((140, 160), 200, np.uint8))
+    assert run(["detect", str(folder), "--calibration", "camera.yaml", "--tag-size", "0.1"]) == 0
+    rows = [line.replace("\u2502", " ").split() for line in capfd.readouterr().out.splitlines()]
+    none, found = (row for row in rows if row and row[0].endswith(".png"))
+    assert none[1:] == ["none"]
+    assert found[1] == "5"
+    assert [float(x) for x in found[2:5]] == pytest.approx([0.0, 0.0, 0.3125], abs=0.002)
+    assert float(found[6]) < 0.1
+
+
 def test_numbers_are_not_written_over_a_picture(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     before = (folder / "tag.png").read_bytes()
     for file in (str(folder / "tag.png"), "camera.yaml"):

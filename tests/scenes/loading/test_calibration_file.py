@@ -66,6 +66,24 @@ def test_files_of_opencv_and_ros_say_the_same(tmp_path: Path) -> None:
         assert (told.width_px, told.height_px) == (640, 480)
 
 
+@pytest.mark.parametrize(("k", "d"), [("k", "d"), ("K", "D")], ids=["ros2", "ros1"])
+def test_a_message_as_ros_prints_it_says_the_same_as_the_file(tmp_path: Path, k: str, d: str) -> None:
+    told = read_calibration(write(tmp_path / "ros.yaml", ros()))
+    head = {"header": {"frame_id": "head"}, "height": 480, "width": 640}
+    message = {**head, "distortion_model": "plumb_bob", k: K, d: LENS, "roi": {"do_rectify": False}}
+    file = tmp_path / "message.yaml"
+    file.write_text(yaml.safe_dump(message) + "---\n")
+    assert read_calibration(file) == told
+    ideal = read_calibration(write(file, message | {"distortion_model": "", d: []}))
+    assert [getattr(ideal, key) for key in COEFFICIENTS] == [0.0] * len(COEFFICIENTS)
+    with pytest.raises(SceneError, match=r"message\.yaml.*equidistant"):
+        read_calibration(write(file, message | {"distortion_model": "equidistant"}))
+    with pytest.raises(SceneError, match=r"message\.yaml.* image_height"):
+        read_calibration(write(file, {key: message[key] for key in message if key != "height"}))
+    with pytest.raises(SceneError, match=r"message\.yaml.* camera_matrix"):  # of an uncalibrated driver
+        read_calibration(write(file, message | {k: [0.0] * 9}))
+
+
 @pytest.mark.parametrize("form", ["ros", "opencv"])
 def test_what_is_written_is_read_again_bit_for_bit(tmp_path: Path, form: Literal["ros", "opencv"]) -> None:
     """A hundred cameras with any digits, some of them as small as numbers in exponents."""
