@@ -239,9 +239,10 @@ def comparison_table(comparison: Comparison, first: str, second: str) -> Table:
         for q in figure.quantiles:
             name = "median" if q.q == 0.5 else f"{100 * q.q:.0f} %"
             cells = (f"{v:z.{digits}f} {figure.unit}".rstrip() for v in (q.first, q.second))
-            value, low, high = (f"{v:+z.{digits}f}" for v in (q.difference, *q.interval))
+            value, *bounds = (f"{v:+z.{digits}f}" for v in (q.difference, *(q.interval or ())))
             style = "bold" if q.is_apart else ""
-            table.add_row(f"  {name}", *cells, Text(value, style).append(f"\n{low} .. {high}", "dim"))
+            below = " .. ".join(bounds) or "too few trials"
+            table.add_row(f"  {name}", *cells, Text(value, style).append(f"\n{below}", "dim"))
     return table
 
 

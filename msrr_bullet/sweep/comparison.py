@@ -42,6 +42,10 @@ _FIGURES = (
     _Figure("smallest clearance", "m", "min_clearance_m", of_trial=min, tail=0.05),
 )
 
+#: Least expected number of trials beyond a quantile whose difference gets an interval: with fewer, the
+#: bootstrap tells equal sweeps apart in more than the 5 % of cases that its level says.
+_LEAST_BEYOND = 2.0
+
 #: Simulated time of a trial, which counts where the trial succeeded in both sweeps.
 _DURATION = _Figure("duration where both succeed", "s", "duration_s")
 
@@ -67,19 +71,20 @@ class ComparedQuantile(BaseModel, frozen=True, ser_json_inf_nan="strings"):
         first: Its value in the first sweep.
         second: Its value in the second sweep.
         difference: The second minus the first.
-        interval: 95 % confidence interval of the difference, by a paired bootstrap.
+        interval: 95 % confidence interval of the difference, by a paired bootstrap; None if there are too few
+            trials for it: fewer than 40 for a 95th or 5th percentile.
     """
 
     q: float
     first: float
     second: float
     difference: float
-    interval: tuple[float, float]
+    interval: tuple[float, float] | None
 
     @property
     def is_apart(self) -> bool:
         """Whether the sweeps differ beyond chance: the interval does not hold zero."""
-        return Difference(self.difference, *self.interval).is_apart
+        return self.interval is not None and Difference(self.difference, *self.interval).is_apart
 
 
 class ComparedFigure(BaseModel, frozen=True):
@@ -162,10 +167,11 @@ def _compared(figure: _Figure, pairs: Sequence[tuple[float | None, float | None]
     first, second = figure.factor * np.array(known, dtype=np.float64).reshape(-1, 2).T
     quantiles = []
     for q in (0.5, figure.tail) if known else ():
-        difference, *interval = paired_difference(second, first, q)
+        difference, *bounds = paired_difference(second, first, q)
+        interval = tuple(bounds) if len(known) * min(q, 1.0 - q) >= _LEAST_BEYOND else None
         one, other = quantile(first, q), quantile(second, q)
         quantiles.append(
-            ComparedQuantile(q=q, first=one, second=other, difference=difference, interval=tuple(interval))
+            ComparedQuantile(q=q, first=one, second=other, difference=difference, interval=interval)
         )
     return ComparedFigure(name=figure.name, unit=figure.unit, trials=len(known), quantiles=tuple(quantiles))
 

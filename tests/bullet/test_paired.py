@@ -38,6 +38,18 @@ def test_equal_ways_are_told_apart_as_rarely_as_the_level_says() -> None:
     assert bounded <= 0.08 * 300
 
 
+def test_a_tail_of_forty_equal_trials_is_told_apart_as_rarely_as_the_level_says() -> None:
+    """Of ten trials it is told apart more than twice as often, for the largest value alone is beyond it."""
+    rng = stream(3, "test/paired")
+    apart = {40: 0, 10: 0}
+    for trials in apart:
+        for _ in range(300):
+            x, y = np.abs(rng.standard_normal((2, trials)))
+            apart[trials] += paired_difference(x, y, 0.95, resamples=400).is_apart
+    assert apart[40] <= 0.08 * 300
+    assert apart[10] > 0.1 * 300
+
+
 @pytest.mark.parametrize("q", [0.05, 0.5, 0.95])
 def test_a_shift_that_all_trials_share_is_found(q: float) -> None:
     """A millimetre between samples that scatter by a hundred: apart the intervals would overlap."""

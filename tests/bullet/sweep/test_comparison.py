@@ -42,15 +42,29 @@ def _figure(comparison: Comparison, name: str) -> ComparedFigure:
 
 
 def test_a_sweep_does_not_differ_from_itself(scene: Scene, made_up: TrialFunction, tmp_path: Path) -> None:
-    table = _table(tmp_path / "a.csv", [made_up(scene, seed) for seed in range(20)])
+    table = _table(tmp_path / "a.csv", [made_up(scene, seed) for seed in range(50)])
     found = compare_sweeps(table, table)
-    assert (found.trials, found.only_first, found.only_second) == (20, 0, 0)
-    assert found.succeeded == (18, 18)
+    assert (found.trials, found.only_first, found.only_second) == (50, 0, 0)
+    assert found.succeeded == (45, 45)
     assert (found.succeeded_alone, found.p) == ((0, 0), 1.0)
     assert len(found.figures) == 6
     for figure in found.figures:
         for q in figure.quantiles:
             assert (q.first, q.difference, q.interval) == (q.second, 0.0, (0.0, 0.0))
+
+
+def test_a_tail_of_few_trials_has_no_interval(scene: Scene, made_up: TrialFunction, tmp_path: Path) -> None:
+    for trials in (39, 40):
+        first = _table(tmp_path / "a.csv", [made_up(scene, seed) for seed in range(trials)])
+        shifted = [_shifted(made_up(scene, seed), 2e-3) for seed in range(trials)]
+        found = compare_sweeps(first, _table(tmp_path / "b.csv", shifted))
+        for name in ("attempts", "smallest clearance"):
+            median, tail = _figure(found, name).quantiles
+            assert median.interval == (0.0, 0.0)
+            assert (tail.interval is None) == (trials < 40)
+        median, tail = _figure(found, "lateral error").quantiles  # of the trials with a contact, 36
+        assert (median.is_apart, tail.difference) == (True, pytest.approx(2.0))
+        assert (tail.interval, tail.is_apart) == (None, False)
 
 
 def test_trials_are_paired_by_their_seeds(scene: Scene, made_up: TrialFunction, tmp_path: Path) -> None:
@@ -63,6 +77,8 @@ def test_trials_are_paired_by_their_seeds(scene: Scene, made_up: TrialFunction, 
     assert lateral.trials == 45  # a false dock has no contact
     for q, p in zip(lateral.quantiles, other.quantiles, strict=True):
         assert q.first == p.second
+        assert q.interval is not None
+        assert p.interval is not None
         assert [q.difference, *q.interval] == pytest.approx([2.0] * 3)
         assert [p.difference, *p.interval] == pytest.approx([-2.0] * 3)
         assert q.is_apart
@@ -112,6 +128,7 @@ def test_the_command_prints_a_table_and_writes_numbers(
     shown = " ".join(capsys.readouterr().out.split())
     assert "27 of 30" in shown
     assert "+2.00 .. +2.00" in shown
+    assert "too few trials" in shown
     assert Comparison.model_validate(json.loads(numbers.read_text())) == compare_sweeps(first, second)
     assert run(["compare", str(first), str(second), "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["trials"] == 30
