@@ -54,7 +54,9 @@ def replay(
             f"{report.authorities} authorities"
         )
     verdict = "identical" if report.identical else "different"
-    if not report.complete:
+    if report.left:
+        verdict += f"; compared up to {report.end_s:.3f} s"
+    elif not report.complete:
         verdict += f" up to {report.end_s:.3f} s, where the log ends early"
     elif not report.judged:
         verdict += f" up to {report.end_s:.3f} s, where the trial was interrupted"

@@ -50,6 +50,7 @@ class ReplayReport(BaseModel, frozen=True):
         log: Path of the log file.
         complete: Whether the log was finished; that of a killed trial is compared as far as it was written.
         judged: Whether the log ends with the verdict on the trial; that of an interrupted trial does not.
+        left: Whether the replay ended where the robot left the log, so that nothing after that was compared.
         end_s: Simulated time of the last message that was read [s].
         steps: Number of steps that began.
         sensor_messages: Number of messages given to robots and base station, without detections and radio.
@@ -67,6 +68,7 @@ class ReplayReport(BaseModel, frozen=True):
     log: Path
     complete: bool
     judged: bool
+    left: bool = False
     end_s: float
     steps: int
     sensor_messages: int

@@ -85,6 +85,7 @@ class Replayer(ABC):
     def run(self) -> ReplayReport:
         """Read the log to its end, or to where the robot leaves it."""
         last: LogRecord | None = None
+        left = False
         try:
             for record in self._log.records():
                 expected = 0 if last is None else last.sequence + 1
@@ -97,11 +98,12 @@ class Replayer(ABC):
                 self._expose()
                 self._end(last)
         except Diverged:
-            pass  # the difference is in the list
+            left = True  # the difference is in the list
         report = ReplayReport(
             log=self._log.path,
             complete=self._log.complete,
             judged=_is_verdict(last),
+            left=left,
             end_s=0.0 if last is None else seconds(last.stamp_ns),
             mismatches=tuple(self._comparison.mismatches),
             written_with=self._log.header.versions,

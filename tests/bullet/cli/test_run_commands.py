@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import NOT_DOCKED
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.reader import LOG_NAME, read_log
 from msrr_bullet.run import run_trial
 from msrr_bullet.trial.telemetry import Progress
+from msrr_scenes.messages import Action
 from msrr_scenes.specs.scene import Scene
 
 
@@ -55,3 +58,22 @@ def test_a_trial_that_was_interrupted_is_not_taken_for_a_whole_one(
     assert found
     assert run(["export", "--csv", str(folder)]) == 0
     assert capsys.readouterr().err == f"{folder / LOG_NAME}: the trial was interrupted at {found[1]} s\n"
+
+
+def test_a_replay_that_ends_at_a_difference_does_not_say_that_the_trial_was_interrupted(
+    short_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Every command of the log is changed, so that the replay ends long before the log does."""
+    log = read_log(short_run)
+    with McapRecorder(tmp_path / LOG_NAME, log.header) as recorder:
+        for record in log.records():
+            message = record.message
+            if isinstance(message, Action):
+                message = replace(message, reason="another one")
+            if record.topic != "/frames":  # the recorder adds these itself
+                recorder.write(record.topic, record.stamp_ns, message)
+    assert run(["replay", str(tmp_path)]) == NOT_DOCKED
+    *differences, said = capsys.readouterr().out.splitlines()
+    assert all("another one" in line for line in differences)
+    ended_s = differences[-1].split(" s,")[0]
+    assert f"different; compared up to {ended_s} s (" in said
