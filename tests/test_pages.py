@@ -2,7 +2,7 @@
 
 Blocks are carried out in their order and in one folder: one with a title is a file to save, ``msrr`` commands
 of a block ``sh`` are run and end with 0 unless a comment behind them says otherwise, Python is one session.
-A block ``text`` is what the commands above it printed or, with a title, what they wrote into that file.
+A block ``text`` is what was printed above it or, with a title, what was written into that file.
 """
 
 from __future__ import annotations
@@ -65,11 +65,11 @@ def follow(page: Path, capfd: pytest.CaptureFixture[str]) -> int:
             for command in _COMMAND.finditer(block["text"]):
                 code = run(shlex.split(command["arguments"]))
                 assert code == int(command["code"] or 0), f"{page.name}:{line}: msrr {command['arguments']}"
-                printed |= words_of_lines("".join(capfd.readouterr()))
                 ran += 1
         elif block["language"] == "python":
             exec(compile(block["text"], f"{page.name}:{line}", "exec"), session)
             ran += 1
+        printed |= words_of_lines("".join(capfd.readouterr()))
     return ran
 
 

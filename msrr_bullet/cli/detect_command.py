@@ -175,10 +175,11 @@ def _pose_table(pictures: Sequence[PictureTags]) -> Table:
     """Return the best pose of each tag."""
     from rich.table import Table
 
-    table = Table(title="The best pose of each tag in the camera", title_justify="left")
+    title = "The best pose of each tag in the camera [m, deg], and its residual [px]"
+    table = Table(title=title, title_justify="left")
     table.add_column("picture", overflow="fold")
     table.add_column("tag")
-    for column in ("right [m]", "down [m]", "away [m]", "yaw [deg]", "residual [px]"):
+    for column in ("right", "down", "away", "yaw", "residual"):
         table.add_column(column, justify="right")
     for picture in pictures:
         rows = [(_short(found), *_numbers(poses[:1])) for found, poses in picture.tags] or [("none",)]
