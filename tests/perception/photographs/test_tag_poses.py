@@ -37,6 +37,23 @@ def test_the_best_pose_is_the_true_one(yaw_deg: float) -> None:
     assert all(other.reprojection_px > 1e-3 for other in others)
 
 
+def test_the_pose_by_the_aruco_module_of_opencv_has_other_axes() -> None:
+    """As the page on photographs says: z out of the tag, which is turned by half a turn."""
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    printed = np.pad(cv2.aruco.generateImageMarker(family, 7, 400), 50, constant_values=255)
+    outline = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # of the print, 1.25 times as large as the tag
+    onto = CAMERA.project(_pose(30.0).act(1.25 * SIZE * np.c_[outline - 0.5, np.zeros(4)]))
+    warp = cv2.getPerspectiveTransform(np.float32(500 * outline - 0.5), np.float32(onto))
+    picture = cv2.warpPerspective(printed, warp, (800, 600), flags=cv2.INTER_AREA, borderValue=255)
+    K = CAMERA.matrix()
+    ((corners,), _, _) = cv2.aruco.ArucoDetector(family).detectMarkers(picture)
+    # Its corners go clockwise from the top left, as the points do where y is up.
+    _, turn, _ = cv2.solvePnP(POINTS, corners[0], K, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+    told = CalibrationSpec(fx_px=K[0, 0], fy_px=K[1, 1], cx_px=K[0, 2], cy_px=K[1, 2])
+    ((_, poses),) = PictureReader(["tag36h11"], told, SIZE).read("picture", picture).tags
+    np.testing.assert_allclose(poses[0].X_CT.R @ np.diag([-1, 1, -1]), cv2.Rodrigues(turn)[0], atol=0.05)
+
+
 def test_corners_that_are_less_sure_make_the_pose_so() -> None:
     """Four equal deviations are one; a corner that is less sure adds to the covariance in some direction."""
     corners = CAMERA.project(_pose(40.0).act(POINTS))
