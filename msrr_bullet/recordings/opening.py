@@ -11,7 +11,7 @@ from msrr_bullet.recordings.picture_recording import open_film, open_pictures
 from msrr_bullet.recordings.recording import Recording, RecordingError
 from msrr_bullet.recordings.trial_recording import open_trial
 from msrr_bullet.recordings.wheels import WheelReader
-from msrr_perception.photographs.picture_files import FILMS
+from msrr_perception.photographs.picture_files import FILMS, PICTURES
 
 #: Ending of MCAP files; what the folder of a bag of ROS 2 holds beside them; the ending of its other format.
 _MCAP, _BAG, _SQLITE = ".mcap", "metadata.yaml", ".db3"
@@ -43,7 +43,7 @@ def open_recording(
         raise RecordingError(f"{path}: no such file or folder")
     if path.is_dir() and (path / LOG_NAME).is_file():
         path = path / LOG_NAME
-    elif (path / _BAG).is_file() or path.suffix.lower() == _SQLITE:
+    elif _is_bag(path) or path.suffix.lower() == _SQLITE:
         path = _mcap_of_bag(path)
     if path.suffix.lower() == _MCAP:
         if not path.stat().st_size:
@@ -56,6 +56,14 @@ def open_recording(
     if path.suffix.lower() in FILMS:
         return open_film(path, latency_ns)
     return open_pictures(path, rate_hz, latency_ns)
+
+
+def _is_bag(path: Path) -> bool:
+    """Return whether a path is a bag of ROS 2; one whose recording was killed has no metadata."""
+    if (path / _BAG).is_file():
+        return True
+    suffixes = {file.suffix.lower() for file in path.iterdir()} if path.is_dir() else set()
+    return _MCAP in suffixes and suffixes.isdisjoint((*PICTURES, *FILMS))
 
 
 def _mcap_of_bag(path: Path) -> Path:

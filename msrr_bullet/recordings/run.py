@@ -147,6 +147,13 @@ def _at_rate(scene: Scene, rate_hz: float) -> Scene:
     return scene.model_copy(update={"cameras": scene.cameras.model_copy(update={"onboard": onboard})})
 
 
+#: What is taken for granted of a target file that tells of no tolerance.
+_PERFECT = (
+    "no tolerances: robot, camera and target are taken to be exactly as the target file has them, which no "
+    "real ones are; as_built: careful has the tolerances of careful builders"
+)
+
+
 def assumption(robot: RobotSpec, period_s: float) -> str:
     """Return what is taken for granted of the motion where there is no odometry.
 
@@ -187,6 +194,8 @@ def _run(
     if not recording.has_odometry:
         period_s = frame_period_s(recording) or 1.0 / scene.cameras.onboard.rate_hz
         motion, assumed = random_walk(spec.robot, period_s), (assumption(spec.robot, period_s),)
+    if str(spec.as_built) == "perfect":
+        assumed = (*assumed, _PERFECT)
     perceiver = Perceiver(scene, recorder, unusable, motion)
     try:
         for instant in perceiver.run(recording.items()):

@@ -167,6 +167,16 @@ def test_what_is_no_recording_is_refused(
         perceive(path, trial.target)
 
 
+def test_a_bag_is_read_without_its_metadata(trial: Trial, tmp_path: Path) -> None:
+    """``ros2 bag record`` writes them last, so that a killed one has none."""
+    _first_frames(trial, tmp_path / "bag_0.mcap")
+    assert (
+        perceive(tmp_path, trial.target).frames == perceive(tmp_path / "bag_0.mcap", trial.target).frames > 0
+    )
+    cv2.imwrite(str(tmp_path / "picture.png"), trial.frames()[0][2])  # then it is a folder of pictures
+    assert perceive(tmp_path, trial.target).frames == 1
+
+
 def test_bags_of_other_kinds_are_told_what_to_do(trial: Trial, tmp_path: Path) -> None:
     (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
     for number in range(3):

@@ -147,6 +147,9 @@ def test_a_lossless_film_without_odometry_agrees_within_its_covariance(trial: Tr
     result = perceive(path, target, Options(calibration), observer=found.append)
     assert (result.frames, result.used) == (len(frames), len(frames))
     assert "no odometry" in result.assumptions[0]
+    assert "as_built: careful" in result.assumptions[1]
+    target.write_text(yaml.safe_dump(told | {"as_built": "careful"}))
+    assert len(perceive(path, target, Options(calibration)).assumptions) == 1
     by_exposure = {e.last_seen_ns: e for e in trial.estimates().values()}
     compared = 0
     for k, ((stamp, _, _), instant) in enumerate(zip(frames, found, strict=True)):
