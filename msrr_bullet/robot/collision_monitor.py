@@ -75,7 +75,7 @@ class CollisionMonitor:
     - at least ``slow_m``, or no less than the present clearance: the command passes;
     - between ``stop_m`` and ``slow_m``: a share of it passes, which falls to a quarter at ``stop_m``;
     - less than ``stop_m``: the largest share below a quarter passes that keeps ``stop_m``; if there is none,
-      the turn alone if it keeps ``stop_m``; else nothing.
+      the turn alone, or a quarter of the speed straight on, if one of them keeps ``stop_m``; else nothing.
 
     A command that leads away from a body always passes, however near the unit is. A body that drives counts
     where it is; if it goes first, also where it would still come if it stopped, as it has told. While a unit
@@ -214,8 +214,9 @@ class CollisionMonitor:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if min_clearance(_scaled(twist, middle)) >= stop else (low, middle)
         allowed = _scaled(twist, low)
-        if low == 0.0 and twist.v and twist.w and min_clearance(Twist(0.0, twist.w)) >= min(stop, no_loss):
-            allowed = Twist(0.0, twist.w)
+        if low == 0.0 and twist.v and twist.w:
+            parts = (Twist(0.0, twist.w), Twist(_CREEP * twist.v, 0.0))
+            allowed = next((part for part in parts if min_clearance(part) >= min(stop, no_loss)), allowed)
         state = MonitorState.STOP if allowed == Twist() else MonitorState.SLOW
         return MonitorDecision(allowed, present, state, ahead - uncertainty)
 
