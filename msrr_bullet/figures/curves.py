@@ -177,7 +177,7 @@ def sight(axes: Axes, series: TrialSeries, scene: Scene) -> None:
     """Draw the line-of-sight angles, and the cone that has to contain them."""
     for shown, style, how in ((series.seen, "-", "seen"), (~series.seen, ":", "predicted")):
         angles = np.where(shown[:, None], np.degrees(series.sight), np.nan)
-        for column, colour, side in ((0, GREEN, "left edge"), (1, VERMILLION, "right edge")):
+        for column, colour, side in ((0, GREEN, "left"), (1, VERMILLION, "right")):
             axes.plot(series.time, angles[:, column], style, color=css(colour), label=f"{side}, {how}")
     half_fov = math.degrees(scene.cameras.onboard.lens.half_fov)
     for limit, style, name in (
@@ -190,9 +190,10 @@ def sight(axes: Axes, series: TrialSeries, scene: Scene) -> None:
         axes.annotate(
             name, (1.0, limit), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=7
         )
-    axes.set(ylabel="edge angle [deg]", ylim=(-1.2 * half_fov, 1.2 * half_fov))
+    # The legend is one row below the field of view, where no edge is seen.
+    axes.set(ylabel="edge angle [deg]", ylim=(-1.5 * half_fov, 1.2 * half_fov))
     add_grid(axes)
-    axes.legend(loc="lower left", fontsize=7, ncols=2)
+    axes.legend(loc="lower left", fontsize=7, ncols=4, columnspacing=1.0, handlelength=1.5)
 
 
 def _shade_phases(axes: Axes, series: TrialSeries, named: bool) -> None:
