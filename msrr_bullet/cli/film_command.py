@@ -52,8 +52,8 @@ def film(
     from msrr_bullet.log import unpacked_log
 
     file = out if out is not None else folder_of(run) / FILM_NAME
-    check_writable(file, "--out")
     with unpacked_log(run) as log, progress_bar(open_console()) as bar:
+        check_writable(file, "--out")
 
         def show_picture(done: int, total: int) -> None:
             if done == 1:

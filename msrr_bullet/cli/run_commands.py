@@ -136,8 +136,8 @@ def plot(
     from msrr_bullet.timeline.log_snapshots import read_snapshots, read_verdict
 
     file = out if out is not None else folder_of(run) / PLOT_NAME
-    check_writable(file, "--out")
     with status_line(open_console(), f"{run}: drawing"), unpacked_log(run) as log:
+        check_writable(file, "--out")
         verdict = read_verdict(log) or (None if log.header.recording else "interrupted")
         headline = ", ".join(filter(None, (verdict, log.header.origin)))
         write_plot(file, log.header.scene, read_snapshots(log), headline, unit)
@@ -170,8 +170,8 @@ def export(
 
     if as_rerun:
         file = out if out is not None else folder_of(run) / RERUN_NAME
-        check_writable(file, "--out")
         with status_line(open_console(), f"{run}: writing a recording"), unpacked_log(run) as log:
+            check_writable(file, "--out")
             write_rerun(log, file)
         warn_of_early_end(log)
         typer.echo(str(file))

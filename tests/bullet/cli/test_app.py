@@ -161,7 +161,10 @@ def test_a_place_that_cannot_be_written_is_named_before_the_work(
         (["sweep", "close_range", "--json", "no/such/folder.json"], "not a file in an existing folder"),
         (["bench", "close_range", "--json", "."], "not a file in an existing folder"),
         (["check", "."], "unknown scene '.'"),
-        (["replay", "no/such/run"], "no/such/run"),
+        (["replay", "no/such/run"], "no/such/run: cannot read the log"),
+        (["film", "no/such/run"], "no/such/run: cannot read the log"),
+        (["plot", "no/such/run"], "no/such/run: cannot read the log"),
+        (["export", "no/such/run", "--rerun"], "no/such/run: cannot read the log"),
     ],
 )
 def test_bad_input_is_one_message_and_code_2(arguments: list[str], message: str, capsys: Capture) -> None:
