@@ -52,18 +52,19 @@ def film(
     from msrr_bullet.log import unpacked_log
 
     file = out if out is not None else folder_of(run) / FILM_NAME
-    with unpacked_log(run) as log, progress_bar(open_console()) as bar:
+    with unpacked_log(run) as log:
         check_writable(file, "--out")
-
-        def show_picture(done: int, total: int) -> None:
-            if done == 1:
-                bar.add_task(str(run), total=total)
-            bar.update(bar.task_ids[0], completed=done)
-
         shown = SHOWN[show]
         if len(shown) > 1 and log.header.scene.cameras.overhead is None:
             shown = tuple(each for each in shown if each != "overhead")  # all that there is
-        write_film(log, file, shown, size=pixels, speed=speed, on_picture=show_picture)
+        with progress_bar(open_console()) as bar:
+
+            def show_picture(done: int, total: int) -> None:
+                if done == 1:
+                    bar.add_task(str(run), total=total)
+                bar.update(bar.task_ids[0], completed=done)
+
+            write_film(log, file, shown, size=pixels, speed=speed, on_picture=show_picture)
     warn_of_early_end(log)
     typer.echo(str(file))
 

@@ -119,24 +119,31 @@ def test_check(capsys: Capture, tmp_path: Path) -> None:
         ["calibrate", "tag.png", "--board", "7x5", "--square-mm", "30"],
         ["tolerance", "close_range"],
         ["reproduce"],
-        ["film", "no/run"],
-        ["plot", "no/run"],
-        ["export", "no/run", "--rerun"],
+        ["film", "RUN"],
+        ["plot", "RUN"],
+        ["export", "RUN", "--rerun"],
         ["schema"],
     ],
     ids=lambda arguments: arguments[0],
 )
 def test_a_place_that_cannot_be_written_is_named_before_the_work(
-    arguments: list[str], out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+    arguments: list[str],
+    out: str,
+    blind_run: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Capture,
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "RUN").symlink_to(blind_run)
     for name in ("tag.png", "file"):
         (tmp_path / name).write_bytes(b"")
     told = CalibrationSpec(fx_px=60, fy_px=60, cx_px=32, cy_px=32, width_px=64, height_px=64)
     write_calibration(tmp_path / "camera.yaml", told)
     place = f"{out}/file.png" if arguments[0] in ("film", "plot", "export", "schema") else out
     assert run([*arguments, "--out", place]) == 2
-    message = capsys.readouterr().err
+    shown, message = capsys.readouterr()
+    assert shown == ""
     assert message.startswith((f"msrr: --out {place}: ", f"msrr: {place}: ")), message
     assert message.count("\n") == 1
     assert re.search(r"choose another --out|name another place|not a file in an existing folder", message)
