@@ -80,10 +80,11 @@ def _bars(axes: Axes, sightings: Sequence[MappedSighting], keys: Sequence[str], 
         chosen = [s.distances for s, key in zip(sightings, keys, strict=True) if key == name and s.kept]
         values.append(float(np.sqrt(np.mean(np.square(chosen)))) if chosen else 0.0)
     axes.bar(range(len(names)), values, color=[css(BLUE)] * len(names), width=0.7)
-    axes.set_xlabel(f"{label} (coloured: left out)" if 0.0 in values else label)
+    named = len(names) <= _MOST_NAMES
+    axes.set_xlabel(f"{label} (coloured: left out)" if named and 0.0 in values else label)
     axes.set_ylabel("RMS residual [px]")
     axes.grid(axis="x", visible=False)
-    if len(names) <= _MOST_NAMES:
+    if named:
         axes.set_xticks(range(len(names)), names, rotation=90, fontsize=SMALL - 3.0)
         for tick, value in zip(axes.get_xticklabels(), values, strict=True):
             tick.set_color(css(VERMILLION) if value == 0.0 else "black")
