@@ -31,9 +31,10 @@ class Outcome(Enum):
     TARGET_LOST = "target_lost"
     """The marker was seen and lost, the port was not reached, no attempt was left."""
     GAVE_UP = "gave_up"
-    """The marker was detected at least once, nothing stood in the way, and the port was not reached."""
+    """The marker was detected at least once, nothing stood in the way, and the port was not reached. Tags
+    with which no pose agrees count as detected."""
     NEVER_DETECTED = "never_detected"
-    """The marker was never seen, or no pose agreed with the tags that were read."""
+    """The marker was never seen."""
     BLOCKED = "blocked"
     """The robot found no free path to the target and stopped where it was safe."""
     COLLISION = "collision"

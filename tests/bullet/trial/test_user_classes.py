@@ -256,15 +256,16 @@ def in_the_folder_of_the_classes(
 
 def test_tags_that_are_read_but_agree_with_no_pose_are_told_from_none(shipped: Load) -> None:
     """As on a robot whose tags are glued on by half a turn, or with corners in another order."""
-    reasons = [
-        Trial(shipped("close_range", {**overrides, "docking.attempts": "1"}), SEED).run().reason
+    turned, blind = (
+        Trial(shipped("close_range", {**overrides, "docking.attempts": "1"}), SEED).run()
         for overrides in (
             {"control.detector": "users_classes:HalfTurned"},
             {"cameras.onboard.dropout": "1"},
         )
-    ]
-    assert reasons[0].startswith("no pose agrees with the tags that were read")
-    assert reasons[1].startswith("no marker seen")
+    )
+    assert turned.reason.startswith("no pose agrees with the tags that were read")
+    assert blind.reason.startswith("no marker seen")
+    assert (turned.outcome, blind.outcome) == (Outcome.GAVE_UP, Outcome.NEVER_DETECTED)
 
 
 @pytest.mark.nightly
