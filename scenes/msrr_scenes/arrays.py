@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 A = TypeVar("A", bound=NDArray[Any])
+T = TypeVar("T", bound=np.generic)
 
 #: An array of double-precision numbers; every use states shape, unit and frame.
 Array = NDArray[np.float64]
@@ -19,8 +20,6 @@ def frozen(array: A) -> A:
     return array
 
 
-def read_only(array: Array) -> Array:
-    """Return a view of an array that cannot be written through."""
-    view = array.view()
-    view.flags.writeable = False
-    return view
+def read_only(array: NDArray[T]) -> NDArray[T]:
+    """Return a view of an array that cannot be written through; whoever has the array still can."""
+    return frozen(array.view())

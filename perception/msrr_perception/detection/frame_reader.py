@@ -10,7 +10,7 @@ import numpy as np
 
 from msrr_perception.detection.detector import Detector
 from msrr_perception.kernels.lens import Optic, undistort
-from msrr_scenes.arrays import Array, frozen
+from msrr_scenes.arrays import Array, frozen, read_only
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, TagDetection
 
@@ -66,7 +66,7 @@ class FrameReader:
         pixels = self._fetch(window)
         if self._to_light is not None:
             pixels = np.asarray(cv2.LUT(pixels, self._to_light), dtype=np.uint8)
-        return frozen(pixels)
+        return read_only(pixels)  # whoever took the picture may have the next one in the same place
 
     def _detect(self, pixels: Pixels, window: Window, detector: Detector) -> None:
         tags = detector.detect(pixels, window)

@@ -207,3 +207,20 @@ def test_a_tag_that_half_the_resolution_overlooks_is_found_in_the_same_pixels(
 def test_a_wrong_parameter_is_refused(target: TargetModel) -> None:
     with pytest.raises(SceneError, match="full_every"):
         OnboardVision(target, PupilDetector(), full_every=0)
+
+
+def test_a_driver_may_take_the_next_picture_into_the_same_place(target: TargetModel, draw: Draw) -> None:
+    """Detectors must not write into a picture; whoever took it does, with the next one."""
+    seen: list[Pixels] = []
+
+    class Watching(PupilDetector):
+        def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
+            seen.append(pixels)
+            return super().detect(pixels, window)
+
+    camera = target.camera
+    place = np.array(draw(TRUE, Window(0, 0, camera.width, camera.height)))
+    OnboardVision(target, Watching()).detect(_exposure(0), None, lambda window: place)
+    assert seen
+    assert not any(pixels.flags.writeable for pixels in seen)
+    place[:] = 0
