@@ -46,6 +46,9 @@ _FIGURES = (
 #: bootstrap tells equal sweeps apart in more than the 5 % of cases that its level says.
 _LEAST_BEYOND = 2.0
 
+#: Number of trials below which a median has no interval: all of five lie on one side once in 16 times.
+_FEWEST = 6
+
 #: Simulated time of a trial, which counts where the trial succeeded in both sweeps.
 _DURATION = _Figure("duration where both succeed", "s", "duration_s")
 
@@ -72,7 +75,7 @@ class ComparedQuantile(BaseModel, frozen=True, ser_json_inf_nan="strings"):
         second: Its value in the second sweep.
         difference: The second minus the first.
         interval: 95 % confidence interval of the difference, by a paired bootstrap; None if there are too few
-            trials for it: fewer than 40 for a 95th or 5th percentile.
+            trials for it: fewer than 6 for a median, or than 40 for a 95th or 5th percentile.
     """
 
     q: float
@@ -167,11 +170,13 @@ def _compared(figure: _Figure, pairs: Sequence[tuple[float | None, float | None]
     first, second = figure.factor * np.array(known, dtype=np.float64).reshape(-1, 2).T
     quantiles = []
     for q in (0.5, figure.tail) if known else ():
-        difference, *bounds = paired_difference(second, first, q)
-        interval = tuple(bounds) if len(known) * min(q, 1.0 - q) >= _LEAST_BEYOND else None
+        difference, low, high = paired_difference(second, first, q)
         one, other = quantile(first, q), quantile(second, q)
+        enough = len(known) >= max(_FEWEST, _LEAST_BEYOND / min(q, 1.0 - q))
         quantiles.append(
-            ComparedQuantile(q=q, first=one, second=other, difference=difference, interval=interval)
+            ComparedQuantile(
+                q=q, first=one, second=other, difference=difference, interval=(low, high) if enough else None
+            )
         )
     return ComparedFigure(name=figure.name, unit=figure.unit, trials=len(known), quantiles=tuple(quantiles))
 
@@ -184,7 +189,7 @@ def _read(path: Path) -> dict[int, _Trial]:
     """
     trials: dict[int, _Trial] = {}
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file)
             missing = [name for name in _COLUMNS if name not in (reader.fieldnames or ())]
             if missing:
@@ -200,17 +205,18 @@ def _read(path: Path) -> dict[int, _Trial]:
 
 def _add(trials: dict[int, _Trial], row: dict[str, str], place: str) -> None:
     """Add a row of the table, which is a step, or a trial in which no step began."""
-    seed = _number(row, "seed", place)
-    if seed is None:
+    if not row["seed"]:
         raise SceneError(f"{place}: no seed")
+    try:
+        seed = int(row["seed"])  # exactly: a float tells large seeds not apart
+    except ValueError:
+        raise SceneError(f"{place}: seed is {row['seed']!r}, which is no whole number") from None
     duration_s = _number(row, "duration_s", place)
-    trial = trials.setdefault(int(seed), _Trial(row["outcome"] in _SUCCESSES, duration_s))
+    trial = trials.setdefault(seed, _Trial(row["outcome"] in _SUCCESSES, duration_s))
     if row["step"] in trial.steps:
-        raise SceneError(
-            f"{place}: step {row['step']} of seed {int(seed)} a second time; give one sweep a file"
-        )
+        raise SceneError(f"{place}: step {row['step']} of seed {seed} a second time; give one sweep a file")
     trial.steps.add(row["step"])
-    if row["undocks"] == "1":
+    if _number(row, "undocks", place):
         return
     for figure in _FIGURES:
         if (value := _number(row, figure.column, place)) is not None:
