@@ -46,8 +46,8 @@ _FIGURES = (
 #: bootstrap tells equal sweeps apart in more than the 5 % of cases that its level says.
 _LEAST_BEYOND = 2.0
 
-#: Number of trials below which a median has no interval: all of five lie on one side once in 16 times.
-_FEWEST = 6
+#: Least number of trials with which a median gets one: five of equal sweeps lie on one side once in 16 times.
+_LEAST = 6
 
 #: Simulated time of a trial, which counts where the trial succeeded in both sweeps.
 _DURATION = _Figure("duration where both succeed", "s", "duration_s")
@@ -75,7 +75,7 @@ class ComparedQuantile(BaseModel, frozen=True, ser_json_inf_nan="strings"):
         second: Its value in the second sweep.
         difference: The second minus the first.
         interval: 95 % confidence interval of the difference, by a paired bootstrap; None if there are too few
-            trials for it: fewer than 6 for a median, or than 40 for a 95th or 5th percentile.
+            trials for it: fewer than 40 for a 95th or 5th percentile, fewer than 6 for a median.
     """
 
     q: float
@@ -170,13 +170,12 @@ def _compared(figure: _Figure, pairs: Sequence[tuple[float | None, float | None]
     first, second = figure.factor * np.array(known, dtype=np.float64).reshape(-1, 2).T
     quantiles = []
     for q in (0.5, figure.tail) if known else ():
-        difference, low, high = paired_difference(second, first, q)
+        difference, *bounds = paired_difference(second, first, q)
+        enough = len(known) >= max(_LEAST, _LEAST_BEYOND / min(q, 1.0 - q))
+        interval = tuple(bounds) if enough else None
         one, other = quantile(first, q), quantile(second, q)
-        enough = len(known) >= max(_FEWEST, _LEAST_BEYOND / min(q, 1.0 - q))
         quantiles.append(
-            ComparedQuantile(
-                q=q, first=one, second=other, difference=difference, interval=(low, high) if enough else None
-            )
+            ComparedQuantile(q=q, first=one, second=other, difference=difference, interval=interval)
         )
     return ComparedFigure(name=figure.name, unit=figure.unit, trials=len(known), quantiles=tuple(quantiles))
 
@@ -208,7 +207,7 @@ def _add(trials: dict[int, _Trial], row: dict[str, str], place: str) -> None:
     if not row["seed"]:
         raise SceneError(f"{place}: no seed")
     try:
-        seed = int(row["seed"])  # exactly: a float tells large seeds not apart
+        seed = int(row["seed"])  # exactly: a float does not tell large seeds apart
     except ValueError:
         raise SceneError(f"{place}: seed is {row['seed']!r}, which is no whole number") from None
     duration_s = _number(row, "duration_s", place)
