@@ -20,7 +20,7 @@ import re
 from collections.abc import Collection
 from copy import deepcopy
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree
 
@@ -45,12 +45,14 @@ FIXTURE = "fixture"
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
+@cache
 def urdf_folder() -> Path:
     """Return the folder of the shipped URDFs: inside the package when installed, ``urdf/`` in a checkout."""
     installed = _PACKAGE / "urdf"
     return installed if installed.is_dir() else _PACKAGE.parents[1] / "urdf"
 
 
+@cache
 def library_folder() -> Path:
     """Return the folder of the shipped scene files."""
     return _PACKAGE / "library"

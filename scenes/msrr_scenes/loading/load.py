@@ -141,10 +141,15 @@ def scene_hash(scene: Scene) -> str:
     values = scene.model_dump(mode="json", exclude={"description", "source"})
     digest = hashlib.blake2b(digest_size=16)
     digest.update(json.dumps(values, sort_keys=True, separators=(",", ":")).encode())
-    for unit in sorted(scene.units):
-        for file in _files_of(scene.geometry(unit).urdf):
-            digest.update(hashlib.blake2b(file.read_bytes()).digest())
+    urdfs = [scene.geometry(unit).urdf for unit in sorted(scene.units)]
+    of_files = {urdf: _digests_of_files(urdf) for urdf in set(urdfs)}  # most units share one URDF
+    for urdf in urdfs:
+        digest.update(of_files[urdf])
     return digest.hexdigest()
+
+
+def _digests_of_files(urdf: Path) -> bytes:
+    return b"".join(hashlib.blake2b(file.read_bytes()).digest() for file in _files_of(urdf))
 
 
 def _expect_scene(scene: object) -> None:

@@ -36,6 +36,8 @@ def taken_ends(scene: Scene) -> Iterator[Problem]:
 
     A free unit without a step makes way, and obstacles that appear later may stand anywhere by then.
     """
+    if not any(isinstance(step, MoveStep) for step in scene.plan):
+        return
     least = scene.judge.min_clearance_m
     busy = {step.unit for step in scene.plan}
     locked = {unit for dock in scene.assembled_docks for unit in (dock.unit, dock.target_unit)}

@@ -12,7 +12,7 @@ import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.geometry.solid import convex_hull
+from msrr_scenes.geometry.solid import convex_hull, hull_or_line
 from msrr_scenes.placement.placement import FRONT, split_frame
 from msrr_scenes.specs.bodies import BoxSpec, ObstacleSpec
 from msrr_scenes.specs.scene import Scene
@@ -65,7 +65,8 @@ def spread_over(pose: PoseSpec, points: Array) -> Array:
     yaw = pose.nominal.yaw
     turned = np.concatenate([SE2(pose.x_m, pose.y_m, yaw + turn).act(grown) for turn in turns])
     corners = np.array([pose.spread.x_m, pose.spread.y_m]) * _SQUARE
-    return convex_hull((turned[None] + corners[:, None]).reshape(-1, 2))
+    # Of the turned points, thousands, only those on their hull can be on that of the moved ones.
+    return convex_hull((hull_or_line(turned)[None] + corners[:, None]).reshape(-1, 2))
 
 
 def ancestors(scene: Scene, pose: PoseSpec) -> list[str]:
