@@ -175,7 +175,6 @@ def _robots(scene: Scene) -> Iterator[str]:
     import numpy as np
 
     from msrr_scenes.geometry.inertial import whole_inertial
-    from msrr_scenes.geometry.urdf_tree import LinkTree
 
     kinds: dict[tuple[object, ...], list[str]] = {}
     for name in scene.units:
@@ -184,7 +183,7 @@ def _robots(scene: Scene) -> Iterator[str]:
         geometry = scene.geometry(names[0])
         points = np.concatenate([solid.points() for solid in geometry.solids])
         length, width, height = 1e3 * np.ptp(points, axis=0)
-        mass = whole_inertial(LinkTree(geometry.urdf, geometry.tree().getroot())).mass
+        mass = whole_inertial(geometry.link_tree).mass
         wheels = f", wheels {2e3 * geometry.wheel_radius:.0f} mm across, track {1e3 * geometry.track:.0f} mm"
         yield (
             f"{geometry.urdf.name}: {length:.0f} x {width:.0f} x {height:.0f} mm, {mass:.2f} kg"

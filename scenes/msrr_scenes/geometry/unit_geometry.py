@@ -114,6 +114,11 @@ class UnitGeometry:
     def _tree(self) -> ElementTree[Element]:
         return read_urdf(self.urdf, self.frame_map)
 
+    @cached_property
+    def link_tree(self) -> LinkTree:
+        """Links and joints of :meth:`tree`, without a copy: to be read, not to be changed."""
+        return LinkTree(self.urdf, self._tree.getroot())
+
     def frame(self, name: str) -> SE3:
         """Return ``X_UF`` of link ``name``.
 

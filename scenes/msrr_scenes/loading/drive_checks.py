@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msrr_scenes.geometry.inertial import Inertial, whole_inertial
-from msrr_scenes.geometry.urdf_tree import LinkTree
 from msrr_scenes.specs.scene import Scene
 
 
@@ -23,7 +22,7 @@ def drive_problems(scene: Scene, unit: str) -> Iterator[str]:
     if not drives or "torque_nm" in scene.motors.model_fields_set:
         return
     geometry, limits = scene.geometry(unit), scene.limits
-    tree = LinkTree(geometry.urdf, geometry.tree().getroot())
+    tree = geometry.link_tree
     whole = whole_inertial(tree)
     wheel_n = scene.motors.torque_nm / geometry.wheel_radius
     # By an upper bound of the accelerations: the turning of the wheels takes torque as well.

@@ -95,7 +95,7 @@ def _without_mass(geometry: UnitGeometry) -> tuple[_Mistake, ...]:
     stays apart, as wheels, pins and casters do, would get 1 kg and inertias of 1 kg m^2, and a body whose
     links have no mass together would never move.
     """
-    tree = LinkTree(geometry.urdf, geometry.tree().getroot())
+    tree = geometry.link_tree
     carried = defaultdict[str, float](float)
     for name, link in tree.links.items():
         carried[_body(tree, name)] += _mass(link)
@@ -119,7 +119,7 @@ def _without_mass(geometry: UnitGeometry) -> tuple[_Mistake, ...]:
 @lru_cache(maxsize=32)
 def _impossible_inertia(geometry: UnitGeometry) -> tuple[_Mistake, ...]:
     """Find bodies with an inertia that none can have; PyBullet would take it to be zero."""
-    tree = LinkTree(geometry.urdf, geometry.tree().getroot())
+    tree = geometry.link_tree
     named = {frame.name: frame.link for frame in geometry.frame_map}
     bodies = defaultdict[str, list[str]](list)
     for name in tree.links:

@@ -35,7 +35,7 @@ def shape_problems(geometry: UnitGeometry, arena_m: float) -> tuple[str, ...]:
 
 def _problems(geometry: UnitGeometry, arena_m: float) -> Iterator[str]:
     named = {frame.name: frame.link for frame in geometry.frame_map}
-    for link in geometry.tree().getroot().findall("link"):
+    for link in geometry.link_tree.links.values():
         name = named.get(link.attrib["name"], link.attrib["name"])
         for shape in (*link.findall("visual"), *link.findall("collision")):
             problem = _problem(name, shape) if shape.tag == "visual" else None

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 from msrr_scenes.geometry.inertial import whole_inertial
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
-from msrr_scenes.geometry.urdf_tree import LinkTree
 
 #: Largest pitch of a robot that stands [rad]. Robots take themselves and others to stand as they are drawn.
 #: Pins of a robot of 0.34 m jammed above or below the holes at 0.6 degrees, and did not at 0.3.
@@ -75,12 +74,12 @@ def standing_problems(geometry: UnitGeometry) -> tuple[str, ...]:
 
 def _centre_of_mass(geometry: UnitGeometry) -> float:
     """Return how far ahead of the axle the centre of mass is [m]."""
-    return float(whole_inertial(LinkTree(geometry.urdf, geometry.tree().getroot())).centre[0])
+    return float(whole_inertial(geometry.link_tree).centre[0])
 
 
 def _sticking(geometry: UnitGeometry, support: str) -> tuple[str, ...]:
     """Return what is wrong with the friction of a link that slides over the floor."""
-    tree = LinkTree(geometry.urdf, geometry.tree().getroot())
+    tree = geometry.link_tree
     turns = any(tree.joints[link].get("type") != "fixed" for link in tree.chain(support)[:-1])
     if turns or tree.links[support].find("contact/lateral_friction") is not None:
         return ()
