@@ -1,4 +1,4 @@
-"""What is said where temporary files find no room."""
+"""What is said where temporary files, or machine code, find no room."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import errno
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
 
 from msrr_scenes.errors import MsrrError
 
@@ -14,12 +16,17 @@ _FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class NoRoomError(MsrrError):
-    """The folder of temporary files is full, which is no mistake in what was asked for."""
+    """A folder in which the program works is full, which is no mistake in what was asked for."""
 
 
 @contextmanager
-def room_for_temporary_files() -> Iterator[None]:
-    """Name the folder of temporary files where a block, or a function, that writes into it finds it full.
+def room_for(what: str, variable: str, folder: Path | None = None) -> Iterator[None]:
+    """Name a folder where a block, or a function, that writes into it finds it full.
+
+    Args:
+        what: What is written, in words.
+        variable: Environment variable that names another folder.
+        folder: The folder; None for that of temporary files.
 
     Raises:
         NoRoomError: It is full; the message says what helps.
@@ -30,6 +37,10 @@ def room_for_temporary_files() -> Iterator[None]:
         if error.errno not in _FULL:
             raise
         raise NoRoomError(
-            f"{tempfile.gettempdir()}: no room for temporary files ({error.strerror}); free some, or name"
-            " another folder in the environment variable TMPDIR"
+            f"{folder or tempfile.gettempdir()}: no room for {what} ({error.strerror}); free some, or name"
+            f" another folder in the environment variable {variable}"
         ) from None
+
+
+#: For what is written among temporary files.
+room_for_temporary_files = partial(room_for, "temporary files", "TMPDIR")

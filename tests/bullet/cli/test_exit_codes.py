@@ -151,6 +151,22 @@ def test_a_full_folder_of_temporary_files_is_named_with_what_helps(
     )
 
 
+def test_a_full_folder_of_machine_code_is_named_with_what_helps(
+    short_trial: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if _with_full_folder(tmp_path, "true").returncode:
+        pytest.skip("this system lets nobody mount a disk")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    done = _with_full_folder(
+        tmp_path, sys.executable, "-m", "msrr_bullet", "dock", "close_range", *short_trial
+    )
+    assert done.returncode == 2
+    *_, said = done.stderr.splitlines()
+    assert said.startswith(f"msrr: {tmp_path}/kernels-")
+    assert "no room for machine code" in said
+    assert said.endswith("name another folder in the environment variable NUMBA_CACHE_DIR")
+
+
 @pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["schema"]])
 def test_what_there_is_no_room_for_on_standard_output_is_one_message(arguments: list[str]) -> None:
     with open("/dev/full", "w") as full:
