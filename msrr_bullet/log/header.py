@@ -19,6 +19,7 @@ from msrr_bullet.log.codec import LogError
 from msrr_scenes.geometry.unit_geometry import find_urdf
 from msrr_scenes.geometry.urdf_file import named_file
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.temporary_files import room_for_temporary_files
 
 METADATA = "msrr"
 
@@ -72,6 +73,7 @@ class LogHeader:
             urdfs[unit] = names[path]
         return cls(scene, seed, versions, files, urdfs, recording)
 
+    @room_for_temporary_files()
     def unpacked(self, folder: Path) -> LogHeader:
         """Write the files of the log into a folder and return a header whose scene refers to these files.
 

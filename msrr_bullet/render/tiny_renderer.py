@@ -18,6 +18,7 @@ from msrr_scenes.errors import MsrrError, SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
+from msrr_scenes.temporary_files import room_for_temporary_files
 
 #: From the optical frame (y down, z forward) to OpenGL's eye frame (y up, z backward).
 _X_CG = SE3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
@@ -144,6 +145,7 @@ def _ensure_floor_mesh(client: int, floor: Floor) -> None:
     pybullet.addUserData(body, _FLOOR_MARK, "1", physicsClientId=client)
 
 
+@room_for_temporary_files()
 def _load_texture(client: int, floor: Floor) -> int:
     # A texture's last row is at v = 0, where y is least.
     texture = np.clip(np.rint(floor.levels[0][::-1]), 0, 255).astype(np.uint8)

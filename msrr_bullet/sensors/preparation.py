@@ -19,6 +19,7 @@ from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.temporary_files import room_for
 
 
 def prepare_cameras(scene: Scene, announce: Callable[[str], None]) -> None:
@@ -27,7 +28,15 @@ def prepare_cameras(scene: Scene, announce: Callable[[str], None]) -> None:
     Args:
         scene: Scene whose cameras name the renderers.
         announce: Called with a message before a compilation begins.
+
+    Raises:
+        NoRoomError: The folder in which they are stored is full.
     """
+    with room_for("machine code", "NUMBA_CACHE_DIR", perception.folder):
+        _prepare(scene, announce)
+
+
+def _prepare(scene: Scene, announce: Callable[[str], None]) -> None:
     draws = scene.perception == "images"
     lenses = [distorts for renderer, distorts in _lenses(scene) if renderer == "raster"]
     if draws and lenses:

@@ -22,6 +22,7 @@ from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.tag_print import plate_texture
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.tag_families import TAG36H11, TagFamily
+from msrr_scenes.temporary_files import room_for_temporary_files
 
 _LOCK = threading.Lock()
 
@@ -45,6 +46,7 @@ def _plate_folder() -> Path:
     return Path(folder).resolve()
 
 
+@room_for_temporary_files()
 def write_plate(folder: Path, tag_id: int | None, family: TagFamily = TAG36H11) -> tuple[Path, Path]:
     """Write the mesh and the texture of a plate into ``folder``, unless they are there.
 

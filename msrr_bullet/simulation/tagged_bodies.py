@@ -24,6 +24,7 @@ from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import read_unit
 from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.temporary_files import room_for_temporary_files
 
 
 class TagVisuals:
@@ -50,6 +51,7 @@ class TagVisuals:
         self._pybullet_draws = pybullet_draws
         self._hidden = {f.unit for f in scene.faults if isinstance(f, MarkerHidden)}
 
+    @room_for_temporary_files()
     def unit_urdf(self, unit: str) -> Path:
         """Write a welded copy of the URDF of a unit with plates for all tags, and return the path.
 

@@ -15,6 +15,7 @@ from msrr_scenes.as_built import BuiltUnit
 from msrr_scenes.errors import GeometryError, UnknownNameError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, read_unit
+from msrr_scenes.temporary_files import room_for_temporary_files
 
 #: Link index by which PyBullet names a body's root link.
 ROOT = -1
@@ -92,6 +93,7 @@ def load_unit(
     return UnitBody(body, links, true, X_IU, (links["wheel_left"], links["wheel_right"]))
 
 
+@room_for_temporary_files()
 def _weld_and_load(geometry: UnitGeometry, client: int, built: BuiltUnit | None) -> int:
     tree = geometry.tree()
     if built is not None:

@@ -52,7 +52,7 @@ _LEAST = 6
 #: Simulated time of a trial, which counts where the trial succeeded in both sweeps.
 _DURATION = _Figure("duration where both succeed", "s", "duration_s")
 
-#: Columns of :data:`msrr_bullet.sweep.trial_table.TRIAL_COLUMNS` that are read.
+#: Columns of :data:`msrr_bullet.sweep.trial_table.TRIAL_COLUMNS` that have to be there.
 _COLUMNS = ("seed", "outcome", "duration_s", "step", "undocks", *(figure.column for figure in _FIGURES))
 
 
@@ -135,9 +135,15 @@ def compare_sweeps(first: Path, second: Path) -> Comparison:
     A trial without a result counts as one that did not succeed.
 
     Raises:
-        SceneError: A file cannot be read as such a table, or the two have no seed in common.
+        SceneError: A file cannot be read as such a table, the two are of different scenes, or they have no
+            seed in common.
     """
-    a, b = _read(first), _read(second)
+    (scene, a), (other, b) = _read(first), _read(second)
+    if scene and other and scene != other:
+        raise SceneError(
+            f"{first} is a sweep of the scene {scene}, {second} of {other}; their trials share nothing but"
+            f" the seed. If {other} is a variant of {scene}, sweep it with --set name={scene}"
+        )
     seeds = sorted(a.keys() & b.keys())
     if not seeds:
         raise SceneError(f"{first} and {second} have no seed in common; sweep the same --seeds in both")
@@ -180,13 +186,18 @@ def _compared(figure: _Figure, pairs: Sequence[tuple[float | None, float | None]
     return ComparedFigure(name=figure.name, unit=figure.unit, trials=len(known), quantiles=tuple(quantiles))
 
 
-def _read(path: Path) -> dict[int, _Trial]:
-    """Read a table of trials, by seed.
+def _read(path: Path) -> tuple[str, dict[int, _Trial]]:
+    """Read a table of trials.
+
+    Returns:
+        Name of the scene, empty if the table does not tell, and the trials by seed.
 
     Raises:
-        SceneError: The file cannot be read, lacks a column, holds what is no number, or holds a step twice.
+        SceneError: The file cannot be read, lacks a column, holds what is no number, holds a step twice, or
+            is of several scenes.
     """
     trials: dict[int, _Trial] = {}
+    scene = ""
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file)
@@ -194,12 +205,17 @@ def _read(path: Path) -> dict[int, _Trial]:
             if missing:
                 raise SceneError(f"{path}: no column {missing[0]}; give a table of msrr sweep --csv")
             for row in reader:
-                _add(trials, row, f"{path}, line {reader.line_num}")
+                place = f"{path}, line {reader.line_num}"
+                named = row.get("scene") or scene
+                if scene and named != scene:
+                    raise SceneError(f"{place}: scene {named} after {scene}; give one sweep a file")
+                scene = named
+                _add(trials, row, place)
     except OSError as error:
         raise SceneError(f"{path}: {error.strerror}") from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise SceneError(f"{path}: not a table of trials ({error}); give one of msrr sweep --csv") from None
-    return trials
+    return scene, trials
 
 
 def _add(trials: dict[int, _Trial], row: dict[str, str], place: str) -> None:

@@ -15,11 +15,13 @@ class TrialFailure(BaseModel, frozen=True):
     """A trial without a result, because the program failed and not the robot, or because it took too long.
 
     Attributes:
+        scene: Name of the scene.
         seed: Seed of the trial.
         error: What happened.
         stopped: Whether it was stopped because it took too long on the wall clock.
     """
 
+    scene: str
     seed: int
     error: str
     stopped: bool = False

@@ -12,6 +12,7 @@ from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import StepResult
 
 TRIAL_COLUMNS = columns(
+    scene="name of the scene",
     seed="seed of the trial",
     outcome="how the trial ended; empty for a trial without a result",
     reason="why it ended so; for a trial without a result, what happened",
@@ -58,9 +59,9 @@ def trials_csv(outcomes: Iterable[TrialResult | TrialFailure]) -> str:
 
 def _rows(outcome: TrialResult | TrialFailure) -> Iterator[Row]:
     if isinstance(outcome, TrialFailure):
-        yield outcome.seed, None, outcome.error
+        yield outcome.scene, outcome.seed, None, outcome.error
         return
-    trial = outcome.seed, outcome.outcome, outcome.reason, outcome.duration_s
+    trial = outcome.scene, outcome.seed, outcome.outcome, outcome.reason, outcome.duration_s
     if not outcome.steps:
         yield trial
     for step in outcome.steps:

@@ -142,8 +142,7 @@ class WorkerPool:
                 # The pool does not say whose trial killed a worker; run alone, each trial shows it.
                 self._submit(task, 1)
                 if self._collect():
-                    died = TrialFailure(seed=task.seed, error="the process of this trial died")
-                    self._collector(task, died)
+                    self._collector(task, _failure(task, "the process of this trial died"))
             if suspects:
                 self.close()  # the next trial starts a full pool again
 
@@ -214,14 +213,13 @@ class WorkerPool:
             if error is None:
                 self._collector(task, future.result())
             elif isinstance(error, WallLimitError):
-                self._collector(task, TrialFailure(seed=task.seed, error=str(error), stopped=True))
+                self._collector(task, _failure(task, str(error), stopped=True))
             elif isinstance(error, MsrrError):
                 misuse = error
             elif isinstance(error, BrokenProcessPool) and self._pool is not None:
                 lost.append(task)
             else:
-                failure = TrialFailure(seed=task.seed, error=f"{type(error).__name__}: {error}")
-                self._collector(task, failure)
+                self._collector(task, _failure(task, f"{type(error).__name__}: {error}"))
             del self._running[future]  # not before: after Ctrl-C amid the above it is collected again
         if misuse is not None:
             raise misuse  # no seed of this scene would run
@@ -230,6 +228,10 @@ class WorkerPool:
             self._running.clear()
             self.close()
         return lost
+
+
+def _failure(task: Task, error: str, stopped: bool = False) -> TrialFailure:
+    return TrialFailure(scene=task.scene.name, seed=task.seed, error=error, stopped=stopped)
 
 
 def _start_worker() -> None:

@@ -25,6 +25,7 @@ from msrr_scenes.random_streams import stream
 from msrr_scenes.registry import resolve
 from msrr_scenes.specs.plan import DockStep, in_order
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.temporary_files import NoRoomError
 
 
 def check_trial(scene: Scene) -> None:
@@ -39,10 +40,11 @@ def check_trial(scene: Scene) -> None:
         SceneError: The scene contradicts itself, something that it names does not exist or does not take its
             parameters, or a URDF lacks what the plant needs. The message begins with the file.
         ProgramFailedError: A class that the scene names by its import path fails while it is built.
+        NoRoomError: The folder of temporary files is full.
     """
     try:
         _check(scene)
-    except ProgramFailedError:
+    except (ProgramFailedError, NoRoomError):
         raise
     except MsrrError as error:
         raise SceneError(f"{scene.source or scene.name}: {error}") from error

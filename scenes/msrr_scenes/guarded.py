@@ -126,7 +126,10 @@ def failure(kind: str, name: str, cls: type, member: str, error: BaseException) 
     trace = error.__traceback__
     called = trace is None or trace.tb_next is not None  # else it was the call itself that does not fit
     place = raised_at(error, file_of(cls)) if called else _definition(cls, member)
-    return ProgramFailedError(f"{kind} {name!r}, {place}: {member} raised {in_one_line(error)}")
+    text = in_one_line(error)
+    if not place.startswith(_file_name(cls)):  # in what the class inherits, or calls
+        place, text = _definition(cls, member), f"{text}, at {place}"
+    return ProgramFailedError(f"{kind} {name!r}, {place}: {member} raised {text}")
 
 
 def wrong(result: object, expected: str) -> NoReturn:
@@ -159,11 +162,11 @@ def raised_at(error: BaseException, own_file: str | None) -> str:
 
 
 def _definition(cls: type, member: str) -> str:
-    """Return file and line of a method or property, else of its class."""
+    """Return file and line of a method or property, else of its class, also if it inherits the method."""
     found: Any = inspect.getattr_static(cls, member, None)
     function = found.fget if isinstance(found, property) else getattr(found, "__func__", found)
     code = getattr(function, "__code__", None)
-    if code is not None:
+    if code is not None and code.co_filename.endswith(_file_name(cls)):
         return _place(code.co_filename, code.co_firstlineno)
     try:
         return _place(file_of(cls), inspect.getsourcelines(cls)[1])
@@ -174,6 +177,11 @@ def _definition(cls: type, member: str) -> str:
 def file_of(cls: type) -> str | None:
     """Return the file that a class is defined in; None if it is built in."""
     return getattr(sys.modules.get(cls.__module__), "__file__", None)
+
+
+def _file_name(cls: type) -> str:
+    """Return the name of the file that a class is defined in; empty if it is built in."""
+    return Path(file_of(cls) or "").name
 
 
 def _place(file: str | None, line: int | None) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+from pathlib import PurePosixPath
 from typing import Any
 
 import pytest
@@ -89,6 +91,25 @@ def test_a_method_with_other_arguments_is_named_where_it_is_defined() -> None:
     line = without_argument.__code__.co_firstlineno
     with pytest.raises(ProgramFailedError, match=rf"test_guarded\.py line {line}: double raised TypeError"):
         guarded(narrow()).double(1)
+
+
+class Inheriting(PurePosixPath):
+    """Has a method of another file."""
+
+
+@pytest.mark.parametrize(
+    ("argument", "says"),
+    [
+        ("a", r"with_suffix raised ValueError: Invalid suffix 'a', at pathlib\.py line \d+"),
+        (".a", r"with_suffix returned Inheriting\('x\.a'\); expected an even number"),
+    ],
+)
+def test_a_method_that_is_inherited_from_another_file_is_named_by_its_class(argument: str, says: str) -> None:
+    """What goes wrong there comes from what the class has made of it."""
+    thing: Any = Guarded("gadget", "mine:Thing", Inheriting("x"), {"with_suffix": even})
+    _, line = inspect.getsourcelines(Inheriting)
+    with pytest.raises(ProgramFailedError, match=rf"'mine:Thing', test_guarded\.py line {line}: {says}"):
+        thing.with_suffix(argument)
 
 
 def test_a_property_that_fails_is_not_a_missing_one() -> None:

@@ -14,6 +14,9 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Belief, FailureReason, Phase, PoseEstimate, seconds
 from msrr_scenes.specs.control import DockingSpec
 
+#: Standard deviations of the side by which the next attempt aims elsewhere after pins have jammed.
+_ASIDE = 2.0
+
 
 @dataclass(frozen=True, slots=True)
 class Transition:
@@ -134,6 +137,20 @@ class Aim:
         else:
             self.lateral = 0.5 * (self._right + self._left)
 
+    def stopped(self, step: float, to_left: bool) -> None:
+        """Aim elsewhere after the pins have stopped before the holes, where no funnel turns the unit.
+
+        The port is as likely on the one side as on the other: the unit tries both, one after the other.
+
+        Args:
+            step: Way to the first of them [m].
+            to_left: Whether the first of them is to the left.
+        """
+        if self.lateral:
+            self.lateral = -self.lateral
+        else:
+            self.lateral = step if to_left else -step
+
 
 @dataclass(slots=True)
 class DockingContext:
@@ -197,6 +214,21 @@ class DockingContext:
             return
         self.view = PortView.of(pose, observation.los, self.setup, now_ns)
         self.last_gap, self.ever_seen = self.view.gap, True
+
+    def jammed(self, to_left: bool) -> None:
+        """Aim elsewhere in the next attempt, after the pins have jammed.
+
+        A unit whose sight is off by more than it knows would try the same place again. So it goes aside at
+        least by the width of the rim of a mouth, in which a pin may jam: one that stopped on the edge comes
+        to where the funnel still centres it, and one that was in the middle stays where it does.
+
+        Args:
+            to_left: Whether the unit was turned to the left.
+        """
+        rim = (1.0 - self.tuning.capture_share) * self.setup.mouth
+        before_holes = self.gap > self.setup.pin_reach - self.tuning.contact_m
+        elsewhere = self.aim.stopped if before_holes else self.aim.jammed
+        elsewhere(max(_ASIDE * self.memory.sigma_lateral, rim), to_left)
 
     def control_inputs(self, pose: PoseEstimate) -> ControlInputs:
         """Return what the controller is given at this instant."""

@@ -41,9 +41,6 @@ from msrr_scenes.wording import counted
 
 STILL = Twist()
 
-#: Standard deviations of the side by which the next attempt aims elsewhere after pins have jammed.
-_ASIDE = 2.0
-
 #: Share of the pins' length: at a smaller gap the pins are in the holes, and where the unit is to the side is
 #: no matter of sight, which goes wrong there with wheels that spin while the unit stands.
 _IN_HOLES = 0.5
@@ -152,7 +149,7 @@ def dock(c: DockingContext) -> Twist | Transition:
         if pressed and not closed:
             # The pin that is farther in tells how the unit is turned: sight may be off by more than that.
             to_left = switches.right if one_closed and switches is not None else view.yaw > 0.0
-            c.aim.jammed(_ASIDE * c.memory.sigma_lateral, to_left)
+            c.jammed(to_left)
         return _fail(reason, FailureReason.STALLED, reassemble=held)
     twist = c.controller.step(c.control_inputs(pose))
     if not at_port:

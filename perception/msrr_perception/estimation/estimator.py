@@ -62,7 +62,7 @@ _FARTHEST_M, _LARGEST_VARIANCE, _LATEST_NS = 1e3, 1e9, 2**62
 _AHEAD_NS = NS_PER_S
 
 
-def _pose(result: object, *_: object) -> PoseEstimate | None:
+def _pose(result: object) -> PoseEstimate | None:
     """Return the pose of a class of a user's own; a ValueError says what is wrong with it."""
     if result is None:
         return None
@@ -85,17 +85,24 @@ def _pose(result: object, *_: object) -> PoseEstimate | None:
     return PoseEstimate(int(result.stamp_ns), X, frozen(covariance.astype(float)), int(result.last_seen_ns))
 
 
-def _estimate(result: object, now_ns: int) -> PoseEstimate | None:
-    """Return the pose of a class of a user's own for control, which is not of the future."""
+def _prediction(
+    result: object, asked_ns: int, ahead: str = "ahead of the instant asked for"
+) -> PoseEstimate | None:
+    """Return the pose of a class of a user's own, whose times are not far ahead of the instant asked for."""
     pose = _pose(result)
     for name in ("stamp_ns", "last_seen_ns") if pose is not None else ():
-        ahead_ns = getattr(pose, name) - now_ns
+        ahead_ns = getattr(pose, name) - asked_ns
         if ahead_ns > _AHEAD_NS:
             raise ValueError(
-                f"a {name} that is {seconds(ahead_ns):.3f} s in the future; expected the time of the pose, "
+                f"a {name} that is {seconds(ahead_ns):.3f} s {ahead}; expected the time of the pose, "
                 "or of an exposure that was added"
             )
     return pose
+
+
+def _estimate(result: object, now_ns: int) -> PoseEstimate | None:
+    """Return the pose of a class of a user's own for control, which is not of the future."""
+    return _prediction(result, now_ns, "in the future")
 
 
 ESTIMATORS: ExtensionPoint[Estimator] = ExtensionPoint(
@@ -104,7 +111,7 @@ ESTIMATORS: ExtensionPoint[Estimator] = ExtensionPoint(
         "add_odometry": no_result,
         "add_detections": no_result,
         "add_pose": no_result,
-        "predict": _pose,
+        "predict": _prediction,
         "estimate": _estimate,
         "reset": no_result,
     },

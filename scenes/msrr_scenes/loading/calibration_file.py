@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.distortion import COEFFICIENTS
@@ -26,8 +26,8 @@ from msrr_scenes.specs.spec import FileName, Spec, between
 #: Name of the model of Brown and Conrady in ROS; OpenCV names none.
 _MODEL = "plumb_bob"
 
-#: Mark of YAML 1.0 in the form of OpenCV, which no YAML reader accepts, and its tag of a matrix.
-_HEADER, _MATRIX_TAG = "%YAML:1.0", "!!opencv-matrix"
+#: Mark of YAML 1.0 in the form of OpenCV, which no YAML reader accepts, and its tags of matrices.
+_HEADER, _TAGS = "%YAML:1.0", ("!!opencv-matrix", "!!opencv-nd-matrix")
 
 #: What ROS prints after each message.
 _END = "\n---"
@@ -39,6 +39,15 @@ class _Matrix(Spec, extra="ignore"):
     rows: int = Field(ge=1, le=100)
     cols: int = Field(ge=1, le=100)
     data: tuple[Annotated[float, between(-1e9, 1e9)], ...] = Field(max_length=100)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _as_row(cls, data: Any) -> Any:
+        """Return an array of one dimension, as OpenCV writes it since version 5, as a row."""
+        match data:
+            case {"sizes": [int(count)], **others}:
+                return {**others, "rows": 1, "cols": count}
+        return data
 
 
 class _CalibrationFile(Spec, extra="ignore"):
@@ -61,7 +70,9 @@ def read_calibration(path: Path) -> CalibrationSpec:
     Raises:
         SceneError: The file cannot be read, is not such a file, or describes another model of a lens.
     """
-    text = read_text(path).removeprefix(_HEADER).replace(_MATRIX_TAG, "")
+    text = read_text(path).removeprefix(_HEADER)
+    for tag in _TAGS:
+        text = text.replace(tag, "")
     document = parse_document(text.rstrip().removesuffix(_END), str(path))
     try:
         return _calibration(_CalibrationFile.model_validate(_as_file(document.data)), path)
@@ -110,7 +121,7 @@ def write_calibration(path: Path, told: CalibrationSpec, form: Literal["ros", "o
 def _opencv_text(head: dict[str, int], matrices: dict[str, tuple[int, int, list[float]]]) -> str:
     lines = [_HEADER, "---", *(f"{key}: {value}" for key, value in head.items())]
     for key, (rows, cols, data) in matrices.items():
-        lines += [f"{key}: {_MATRIX_TAG}", f"   rows: {rows}", f"   cols: {cols}", "   dt: d"]
+        lines += [f"{key}: {_TAGS[0]}", f"   rows: {rows}", f"   cols: {cols}", "   dt: d"]
         lines.append(f"   data: [ {', '.join(map(repr, data))} ]")
     return "\n".join([*lines, ""])
 

@@ -19,6 +19,7 @@ from msrr_scenes.loading.yaml_document import YamlDocument
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CalibrationSpec
 from msrr_scenes.specs.target import DOCK, ROBOT, TARGET, MappedMarkerSpec, TargetSpec, TargetUnitSpec
+from msrr_scenes.temporary_files import room_for_temporary_files
 
 #: Keys of a target that mean the same in a scene.
 _SHARED = ("odometry", "as_built", "los", "control", "description")
@@ -41,6 +42,7 @@ def read_target(path: Path) -> TargetSpec:
         raise AssertionError("a validation error explains itself") from error
 
 
+@room_for_temporary_files()
 def target_scene(
     spec: TargetSpec, path: Path, folder: Path, calibration: CalibrationSpec | None = None
 ) -> Scene:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, NoReturn
 
 import pytest
@@ -111,6 +112,59 @@ def test_a_full_disk_is_one_message(short_trial: list[str], capsys: Capture) -> 
     err = capsys.readouterr().err
     assert "No space left on device" in err
     assert "Traceback" not in err
+
+
+def _with_full_folder(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    """Run a command whose temporary files go to a disk with 4 KiB of room, which is mounted for it alone."""
+    full = 'mount -t tmpfs -o size=64k none "$TMPDIR" && head -c 60K /dev/zero > "$TMPDIR/x" && exec "$@"'
+    return subprocess.run(
+        ["unshare", "--map-root-user", "--mount", "sh", "-c", full, "sh", *command],
+        env={**os.environ, "TMPDIR": str(folder)},
+        capture_output=True,
+        text=True,
+    )
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["dock", "two_units"],
+        ["sweep", "close_range", "--seeds", "0:4", "--jobs", "2", "--store", "trials.sqlite"],
+        ["film", "run"],
+        ["frames", "run"],
+        ["replay", "run"],
+    ],
+)
+def test_a_full_folder_of_temporary_files_is_named_with_what_helps(
+    arguments: list[str], short_trial: list[str], tmp_path: Path
+) -> None:
+    full = tmp_path / "full"
+    full.mkdir()
+    if _with_full_folder(full, "true").returncode:
+        pytest.skip("this system lets nobody mount a disk")
+    assert run(["dock", "close_range", *short_trial, "--out", "run"]) == 1
+    done = _with_full_folder(full, sys.executable, "-m", "msrr_bullet", *arguments)
+    assert done.returncode == 2
+    assert done.stderr == (
+        f"msrr: {full}: no room for temporary files (No space left on device); free some, or name"
+        " another folder in the environment variable TMPDIR\n"
+    )
+
+
+def test_a_full_folder_of_machine_code_is_named_with_what_helps(
+    short_trial: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if _with_full_folder(tmp_path, "true").returncode:
+        pytest.skip("this system lets nobody mount a disk")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    done = _with_full_folder(
+        tmp_path, sys.executable, "-m", "msrr_bullet", "dock", "close_range", *short_trial
+    )
+    assert done.returncode == 2
+    *_, said = done.stderr.splitlines()
+    assert said.startswith(f"msrr: {tmp_path}/kernels-")
+    assert "no room for machine code" in said
+    assert said.endswith("name another folder in the environment variable NUMBA_CACHE_DIR")
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["schema"]])

@@ -14,6 +14,7 @@ from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_table import trials_csv
 from msrr_bullet.sweep.worker_pool import TrialFunction
 from msrr_bullet.trial.result import TrialResult
+from msrr_scenes import load_scene
 from msrr_scenes.errors import SceneError
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
@@ -116,7 +117,7 @@ def test_successes_count_where_one_sweep_alone_has_them(
     trials = [made_up(scene, seed) for seed in range(20)]
     worse: list[TrialResult | TrialFailure] = list(trials)
     worse[4] = trials[4].model_copy(update={"outcome": Outcome.COLLISION})
-    worse[5] = TrialFailure(seed=5, error="out of time", stopped=True)
+    worse[5] = TrialFailure(scene=scene.name, seed=5, error="out of time", stopped=True)
     found = compare_sweeps(_table(tmp_path / "a.csv", trials), _table(tmp_path / "b.csv", worse))
     assert found.succeeded == (18, 16)
     assert (found.succeeded_alone, found.p) == ((2, 0), 0.5)
@@ -158,16 +159,40 @@ def test_the_command_prints_a_table_and_writes_numbers(
     assert json.loads(capsys.readouterr().out)["trials"] == 30
 
 
+def test_sweeps_of_different_scenes_are_not_compared(
+    scene: Scene, made_up: TrialFunction, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Variants of one scene have its name, and a table of an earlier version has none."""
+    hard = load_scene("close_range_hard")
+    variant = load_scene("close_range", {"control.docking": "linear"})
+    failure = TrialFailure(scene=hard.name, seed=0, error="out of time")
+    first = _table(tmp_path / "a.csv", [made_up(scene, seed) for seed in range(3)])
+    for name, outcomes in (("b.csv", [made_up(hard, 0)]), ("c.csv", [failure])):
+        second = _table(tmp_path / name, outcomes)
+        assert run(["compare", str(first), str(second)]) == 2
+        shown = capsys.readouterr().err.replace("\n", " ")
+        assert f"{first} is a sweep of the scene close_range, {second} of close_range_hard" in shown
+        assert "sweep it with --set name=close_range" in shown
+    other = _table(tmp_path / "d.csv", [made_up(variant, seed) for seed in range(3)])
+    earlier = tmp_path / "e.csv"
+    earlier.write_text("".join(line.split(",", 1)[1] for line in first.open()))
+    assert earlier.read_text().startswith("seed,")
+    assert compare_sweeps(first, other) == compare_sweeps(first, earlier) == compare_sweeps(earlier, first)
+    renamed = load_scene("close_range_hard", {"name": "close_range"})
+    assert compare_sweeps(first, _table(tmp_path / "f.csv", [made_up(renamed, 0)])).trials == 1
+
+
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
         (lambda text: text.replace("attempts", "tries"), r"b.csv: no column attempts; .* msrr sweep --csv"),
         (lambda text: text.replace("0.3,", "high,"), r"b.csv, line 2: min_clearance_m is 'high'"),
         (lambda text: text + text.split("\n", 1)[1], r"b.csv, line 4: step 0 of seed 0 a second time"),
-        (lambda text: text.replace("\n0,", "\n5,").replace("\n1,", "\n6,"), r"no seed in common"),
-        (lambda text: text.replace("\n1,", "\n,"), r"b.csv, line 3: no seed"),
-        (lambda text: text.replace("\n1,", "\ninf,"), r"b.csv, line 3: seed is 'inf', which is no whole"),
-        (lambda text: text.replace("\n1,", "\n1.5,"), r"b.csv, line 3: seed is '1.5', which is no whole"),
+        (lambda text: text.replace("range,", "range,5"), r"no seed in common"),
+        (lambda text: text.replace("range,1,", "range,,"), r"b.csv, line 3: no seed"),
+        (lambda text: text.replace("range,1,", "range,inf,"), r"line 3: seed is 'inf', which is no whole"),
+        (lambda text: text.replace("range,1,", "range,1.5,"), r"line 3: seed is '1.5', which is no whole"),
+        (lambda text: text.replace("range,1,", "r,1,"), r"b.csv, line 3: scene close_r after close_range"),
         (lambda text: "", r"b.csv: no column seed"),
     ],
 )

@@ -35,7 +35,7 @@ def test_the_numbers(scene: Scene, made_up: TrialFunction) -> None:
 
 
 def test_a_failure_of_the_program_counts_as_a_trial(scene: Scene, made_up: TrialFunction) -> None:
-    failures = [TrialFailure(seed=7, error="b"), TrialFailure(seed=5, error="a")]
+    failures = [TrialFailure(scene=scene.name, seed=seed, error="a") for seed in (7, 5)]
     results = [made_up(scene, seed) for seed in range(2)]
     summary = summarise(scene, "hash", "code", results, failures, reused=1, interrupted=True)
     assert (summary.trials, summary.success.rate, summary.outcomes) == (4, 0.5, {"docked": 2})

@@ -195,7 +195,9 @@ def test_a_failing_trial_is_named_and_tried_again_next_time(
         return made_up(scene, seed)
 
     summary = sweep(scene, range(4), store=store, executor=inline, trial=fails_once)
-    assert summary.failures == (TrialFailure(seed=2, error="ZeroDivisionError: by nothing"),)
+    assert summary.failures == (
+        TrialFailure(scene=scene.name, seed=2, error="ZeroDivisionError: by nothing"),
+    )
     assert summary.trials == 4
     assert summary.success.rate == 0.75  # a failure of the program is not a success, nor is it left out
     (tmp_path / "mended").touch()

@@ -27,6 +27,7 @@ def test_every_step_has_a_row_with_the_bits_of_its_result(scene: Scene, made_up:
     first = step.model_copy(update={"attempts": (*step.attempts[:-1], last), "assembly": figures})
     later = step.model_copy(update={"index": 1, "undocks": True, "pull_test_passed": False})
     rows = _rows(result.model_copy(update={"steps": (first, later)}))
+    assert {r["scene"] for r in rows} == {"close_range"}
     assert [(r["seed"], r["step"], r["undocks"], r["attempts"]) for r in rows] == [
         ("3", "0", "0", "2"),
         ("3", "1", "1", "2"),
@@ -41,8 +42,9 @@ def test_every_step_has_a_row_with_the_bits_of_its_result(scene: Scene, made_up:
 
 def test_a_trial_without_a_step_or_a_result_has_one_row(scene: Scene, made_up: TrialFunction) -> None:
     empty = made_up(scene, 1).model_copy(update={"steps": ()})
-    died, nothing = _rows(TrialFailure(seed=7, error='died, "so it says"'), empty)
-    assert (died["seed"], died["outcome"], died["reason"]) == ("7", "", 'died, "so it says"')
+    died, nothing = _rows(TrialFailure(scene=scene.name, seed=7, error='died, "so it says"'), empty)
+    assert (died["scene"], died["seed"]) == (scene.name, "7")
+    assert (died["outcome"], died["reason"]) == ("", 'died, "so it says"')
     assert (nothing["seed"], nothing["outcome"], nothing["step"]) == ("1", "docked", "")
     assert set(died) == set(nothing) == {column.name for column in TRIAL_COLUMNS}
 

@@ -80,6 +80,26 @@ def test_every_step_has_a_result_of_its_own(shipped: Load, tmp_path: Path) -> No
     assert summary.steps[0].contact_lateral_mm.max == 1000.0 * free.lateral_m
 
 
+@pytest.mark.parametrize(("off_m", "seed", "attempts"), [(-0.018, 1, 2), (0.016, 0, 3)])
+def test_a_robot_that_wrongly_takes_itself_for_perfect_finds_the_port_beside(
+    shipped: Load, off_m: float, seed: int, attempts: int
+) -> None:
+    """Its marker is off by more than the mouths are wide. It pressed against the same place three times.
+
+    It tries both sides, one after the other.
+    """
+    overrides = {
+        "as_built.bracket.y_m": str(off_m),
+        "docking.verify.by_sight": "false",  # the seat looks as false as the marker is
+    }
+    result = Trial(shipped("close_range", overrides), seed).run()
+    (step,) = result.steps
+    assert step.attempts[0].contact is not None
+    assert step.attempts[0].contact.lateral_m == pytest.approx(abs(off_m), abs=2e-4)
+    assert result.outcome is Outcome.DOCKED
+    assert len(step.attempts) == attempts
+
+
 def test_a_robot_that_is_done_at_the_time_limit_is_in_time(shipped: Load) -> None:
     free = run_trial(shipped("close_range", IDEAL), 1)
     limit = {"time_limit_s": repr(free.duration_s)}

@@ -110,6 +110,22 @@ class Ahead(Failing, Estimator):
         return replace(pose, last_seen_ns=now_ns + 2 * 10**9) if pose and self.late() else pose
 
 
+class AheadPrediction(Failing, Estimator):
+    def predict(self, stamp_ns):
+        pose = super().predict(stamp_ns)
+        return replace(pose, stamp_ns=stamp_ns + 2 * 10**9) if pose and self.late() else pose
+
+    def estimate(self, now_ns):
+        return super().predict(now_ns)
+
+
+class NoReading(Failing, Estimator):
+    FAILS_AFTER = 400
+
+    def add_odometry(self, reading):
+        super().add_odometry(replace(reading, left=math.nan) if self.late() else reading)
+
+
 class NoFilter(Failing, Estimator):
     def add_pose(self, measurement):
         if self.late():
@@ -326,6 +342,8 @@ def test_a_renderer_without_the_method_that_a_camera_needs_is_refused() -> None:
         ("controller", "Unbuildable", "__init__ raised OSError: no such device"),
         ("estimator", "NoPose", "expected a pose within"),
         ("estimator", "Ahead", "estimate returned a last_seen_ns that is 2.000 s in the future"),
+        ("estimator", "AheadPrediction", "predict returned a stamp_ns that is 2.000 s ahead of the instant"),
+        ("estimator", "NoReading", "estimate returned SE2(x=nan, y=nan, yaw=nan); expected a pose within"),
         ("estimator", "NoFilter", "raised numpy.linalg.LinAlgError: Singular matrix"),
         ("detector", "Blind", "detect returned None; expected a tuple of TagDetections"),
         ("detector", "Mirrored", "expected corners in the order bottom left"),

@@ -41,10 +41,15 @@ def test_jams_lead_to_the_port_from_both_sides(step: float, port: float) -> None
     assert aim.lateral not in tried
 
 
-def test_where_sight_knows_the_side_a_jam_does_not_change_the_aim() -> None:
+@pytest.mark.parametrize("to_left", [True, False])
+def test_pins_that_stop_before_the_holes_are_tried_on_both_sides(to_left: bool) -> None:
     aim = Aim()
-    aim.jammed(0.0, to_left=True)
-    assert aim.lateral == 0.0
+    tried = []
+    for _ in range(3):
+        tried.append(aim.lateral)
+        aim.stopped(0.003, to_left)
+    assert sorted(tried) == [-0.003, 0.0, 0.003]
+    assert (tried[1] > 0.0) is to_left
 
 
 def test_progress_is_a_fall_below_the_best_by_more_than_a_step() -> None:
@@ -102,3 +107,20 @@ def test_the_gap_goes_on_by_odometry_while_there_is_no_estimate(context: Docking
     assert context.view is None
     assert context.dt == pytest.approx(0.1)
     assert context.gap == pytest.approx(0.32)
+
+
+@pytest.mark.parametrize(("sigma", "aside"), [(0.0, 0.003), (0.0014, 0.003), (0.004, 0.008)])
+def test_after_a_jam_the_unit_goes_aside_by_the_rim_of_a_mouth_at_least(
+    context: DockingContext, sigma: float, aside: float
+) -> None:
+    """In the holes the funnel tells the side, both times the same here; before them nothing does."""
+    context.memory.sigma_lateral = sigma
+    jams = {}
+    for place, gap in (("holes", 0.5 * context.setup.pin_reach), ("mouths", context.setup.pin_reach)):
+        context.aim, context.last_gap = Aim(), gap
+        jams[place] = []
+        for _ in range(2):
+            context.jammed(to_left=True)
+            jams[place].append(context.aim.lateral)
+    assert jams["holes"] == pytest.approx([aside, 2.0 * aside])
+    assert jams["mouths"] == pytest.approx([aside, -aside])

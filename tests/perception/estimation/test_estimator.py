@@ -10,7 +10,7 @@ import pytest
 
 from msrr_perception.estimation.estimator import ESTIMATORS
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import PoseEstimate
+from msrr_scenes.messages import NS_PER_S, PoseEstimate
 
 POSE = PoseEstimate(20, SE2(-0.5, 0.1, 0.2), np.diag([1e-4, 1e-4, 1e-3]), 10)
 check = ESTIMATORS.methods["estimate"]
@@ -44,6 +44,20 @@ def test_a_pose_passes_and_its_numbers_become_plain_ones() -> None:
         (replace(POSE, last_seen_ns=None), "a time in whole nanoseconds"),
     ],
 )
-def test_what_is_no_pose_is_refused(pose: Any, why: str) -> None:
+@pytest.mark.parametrize("method", ["estimate", "predict"])
+def test_what_is_no_pose_is_refused(method: str, pose: Any, why: str) -> None:
     with pytest.raises(ValueError, match=why):
-        check(pose, 20)
+        ESTIMATORS.methods[method](pose, 20)
+
+
+@pytest.mark.parametrize(
+    ("method", "of"), [("estimate", "in the future"), ("predict", "ahead of the instant asked for")]
+)
+@pytest.mark.parametrize("key", ["stamp_ns", "last_seen_ns"])
+def test_a_time_may_be_ahead_by_what_a_clock_may_be(method: str, of: str, key: str) -> None:
+    asked_ns = 5 * NS_PER_S
+    latest = replace(POSE, **{key: asked_ns + NS_PER_S})
+    assert ESTIMATORS.methods[method](latest, asked_ns).last_seen_ns == latest.last_seen_ns
+    later = replace(POSE, **{key: asked_ns + NS_PER_S + 1_000_000})
+    with pytest.raises(ValueError, match=f"a {key} that is 1.001 s {of}; expected"):
+        ESTIMATORS.methods[method](later, asked_ns)

@@ -21,6 +21,7 @@ from msrr_scenes.specs.sensors import CalibrationSpec
 
 K = [417.0, 0.0, 322.5, 0.0, 412.0, 236.0, 0.0, 0.0, 1.0]
 LENS = [-0.2, 0.04, 0.001, -5e-4, 0.0]
+COLUMN = np.array([LENS]).T
 
 
 def ros(**changes: object) -> dict[str, object]:
@@ -42,13 +43,13 @@ def write(path: Path, content: object) -> Path:
     return path
 
 
-def opencv(path: Path) -> Path:
-    """What OpenCV's own calibration sample writes."""
+def opencv(path: Path, lens: np.ndarray = COLUMN) -> Path:
+    """What OpenCV's own calibration sample writes, with coefficients in a column."""
     storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     storage.write("image_width", 640)
     storage.write("image_height", 480)
     storage.write("camera_matrix", np.array(K).reshape(3, 3))
-    storage.write("distortion_coefficients", np.array([LENS]).T)
+    storage.write("distortion_coefficients", lens)
     storage.write("avg_reprojection_error", 0.21)
     storage.release()
     return path
@@ -59,6 +60,8 @@ def test_files_of_opencv_and_ros_say_the_same(tmp_path: Path) -> None:
     older = tmp_path / "older.yaml"  # OpenCV before version 5 marks its files as YAML 1.0 in a way of its own
     older.write_text("%YAML:1.0\n" + in_yaml.read_text().split("\n", 1)[1])
     files = [write(tmp_path / "ros.yaml", ros()), in_yaml, older, opencv(tmp_path / "opencv.json")]
+    array = np.array(LENS)  # of one dimension, with a tag of its own since version 5
+    files += [opencv(tmp_path / f"array.{form}", array) for form in ("yaml", "json")]
     for file in files:
         told = read_calibration(file)
         assert [told.fx_px, told.fy_px, told.cx_px, told.cy_px] == [417.0, 412.0, 322.5, 236.0]
@@ -205,6 +208,12 @@ def test_a_file_that_is_not_the_calibration_of_the_camera_is_refused(
     assert "own.yaml:7:5" in place
     assert text.startswith("cameras.onboard.calibration: ")
     assert "\n" not in text
+
+
+def test_an_array_that_is_too_short_is_refused_as_the_row_that_it_is(tmp_path: Path) -> None:
+    file = opencv(tmp_path / "array.yaml", np.array(LENS[:3]))
+    with pytest.raises(SceneError, match=r"row .* of k1, k2, p1, p2, k3, found (1 x 3|3 x 1) with 3 numbers"):
+        read_calibration(file)
 
 
 def test_a_file_that_lacks_something_is_refused_with_its_key(tmp_path: Path) -> None:
