@@ -172,7 +172,7 @@ class CornerEkf:
         state = self._history.state_before(stamp_ns)
         if state is None:
             return np.zeros(3)
-        return self._motion.rates(self._advance_head(state, stamp_ns), self._wheels).velocity
+        return self._motion.velocity(self._advance_head(state, stamp_ns), self._wheels)
 
     def estimate(self, now_ns: int) -> PoseEstimate | None:
         """Return the pose for control: of now, or without delay compensation of the last exposure."""

@@ -102,6 +102,8 @@ class MeasurementHistory:
         """
         first = 0
         if after_ns is not None:
+            if self._entries[-1].key[0] <= after_ns - about_ns:  # nearly always: readings come at once
+                return False
             first = len(self._entries)
             while first > 0 and self._entries[first - 1].key[0] > after_ns - about_ns:  # few are that new
                 first -= 1

@@ -179,6 +179,15 @@ class DriveMotion:
         velocity = np.array([v * c, v * s, w])
         return Rates(late, since, velocity, np.array([dv * c - v * w * s, dv * s + v * w * c, dw]))
 
+    def velocity(self, state: FilterState, history: WheelHistory) -> Array:
+        """Return the velocity of (x, y, yaw) in D at the time of a state by the wheels [m/s, rad/s], (3,)."""
+        now = history.angles_at(state.stamp_ns)
+        if now is None:
+            return AT_REST.velocity
+        about = [history.angles_at(state.stamp_ns + t) or now for t in _TIMES_NS]
+        (v, w), yaw = self._moved(state, *_weighted(about, _VELOCITY)), float(state.mean[YAW])
+        return np.array([v * math.cos(yaw), v * math.sin(yaw), w])
+
     def told_until(self, rates: Rates, stamp_ns: int) -> int:
         """Return the time until which the wheels tell the rates about an exposure with a stamp [ns]."""
         return stamp_ns - round(rates.late * NS_PER_S) + _RATES_NS
