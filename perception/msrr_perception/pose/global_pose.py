@@ -68,17 +68,8 @@ def rays_to_plane(camera: PinholeCamera, X_WC: SE3, pixels: Array, height: float
     Raises:
         SceneError: A ray does not meet the plane in front of the camera.
     """
-    rows, (x, y, z) = X_WC.R.tolist(), X_WC.p.tolist()
-    focal, cx, cy, drop = camera.focal, camera.cx, camera.cy, height - z
-    points = []
-    for u, v in pixels.tolist():
-        a, b = (u - cx) / focal, (v - cy) / focal
-        dx, dy, dz = (r0 * a + r1 * b + r2 for r0, r1, r2 in rows)
-        if not drop * dz > 0.0:
-            raise SceneError(f"the camera does not look at the plane z = {height} m")
-        t = drop / dz
-        points.append((x + t * dx, y + t * dy))
-    return np.array(points)
+    d = camera.rays(pixels) @ X_WC.R.T
+    return X_WC.p[:2] + _range(X_WC, d, height)[:, None] * d[:, :2]
 
 
 def rays_to_plane_jacobian(camera: PinholeCamera, X_WC: SE3, pixels: Array, height: float) -> Array:
@@ -87,13 +78,20 @@ def rays_to_plane_jacobian(camera: PinholeCamera, X_WC: SE3, pixels: Array, heig
     Raises:
         SceneError: A ray does not meet the plane in front of the camera.
     """
-    rays_to_plane(camera, X_WC, pixels, height)  # refuses such rays
     d = camera.rays(pixels) @ X_WC.R.T
-    t = (height - X_WC.p[2]) / d[:, 2]
+    t = _range(X_WC, d, height)
     # The ray turns by the rotation's first two columns over f, sliding along the plane.
     turn = X_WC.R[:, :2] / camera.focal
     by_pixel: Array = t[:, None, None] * (turn[:2] - d[:, :2, None] * (turn[2] / d[:, 2:3])[:, None, :])
     return by_pixel
+
+
+def _range(X_WC: SE3, directions: Array, height: float) -> Array:
+    """Return the multiples of directions in W, shape (N, 3), at which rays of the camera meet a plane."""
+    t: Array = (height - X_WC.p[2]) / directions[:, 2]
+    if not np.all(np.isfinite(t)) or float(t.min()) <= 0.0:
+        raise SceneError(f"the camera does not look at the plane z = {height} m")
+    return t
 
 
 def flat_tags(scene: Scene) -> dict[int, FlatTag]:
@@ -154,14 +152,8 @@ class GlobalLocalizer:
 
     def pixels(self, tag: FlatTag, X_WB: SE2) -> Array:
         """Return the pixels of a tag's corners, shape (4, 2), when its body stands at ``X_WB``."""
-        rows, (cx, cy, cz), camera = self._X_CW.R.tolist(), self._X_CW.p.tolist(), self.camera
-        focal, u0, v0, c, s = camera.focal, camera.cx, camera.cy, math.cos(X_WB.yaw), math.sin(X_WB.yaw)
-        pixels = []
-        for x_B, y_B, z in tag.corners_B.tolist():
-            x, y = X_WB.x + c * x_B - s * y_B, X_WB.y + s * x_B + c * y_B
-            x_C, y_C, z_C = (r0 * x + r1 * y + r2 * z for r0, r1, r2 in rows)
-            pixels.append((focal * (x_C + cx) / (z_C + cz) + u0, focal * (y_C + cy) / (z_C + cz) + v0))
-        return np.array(pixels)
+        p_W = SE3.from_se2(X_WB).act(tag.corners_B)
+        return self.camera.project(self._X_CW.act(p_W))
 
     def _locate(self, seen: TagDetection, tag: FlatTag, stamp_ns: int) -> GlobalPose | None:
         points = rays_to_plane(self.camera, self.X_WC, seen.corners, tag.height)
@@ -201,8 +193,8 @@ def fit_se2(points_B: Array, points_A: Array) -> SE2:
     mean_B, mean_A = points_B.mean(axis=0), points_A.mean(axis=0)
     b, a = points_B - mean_B, points_A - mean_A
     yaw = math.atan2(float((b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0]).sum()), float((b * a).sum()))
-    (x_A, y_A), (x_B, y_B), c, s = mean_A.tolist(), mean_B.tolist(), math.cos(yaw), math.sin(yaw)
-    return SE2(x_A - (c * x_B - s * y_B), y_A - (s * x_B + c * y_B), yaw)
+    turned = SE2(0.0, 0.0, yaw).act(mean_B)
+    return SE2(float(mean_A[0] - turned[0]), float(mean_A[1] - turned[1]), yaw)
 
 
 def pose_jacobian(X_WB: SE2, points_B: Array) -> Array:
