@@ -218,11 +218,20 @@ def comparison_table(comparison: Comparison, first: str, second: str) -> Table:
         for name, count in ((first, comparison.only_first), (second, comparison.only_second))
         if count
     ]
+    notes = [
+        "difference: second minus first; below it its 95 % interval, which tells the two apart"
+        " unless it holds 0",
+        "p: probability of as large a difference by chance",
+    ]
+    if not comparison.is_of_one_scene:
+        notes.append(
+            f"the scenes are {' and '.join(comparison.scenes)}: trials with the same seed share what their"
+            " scenes have in common, and no more"
+        )
     table = Table(
         title="; ".join([f"{counted(trials, 'trial')} with the same seeds", *left_out]),
         title_justify="left",
-        caption="difference: second minus first; below it its 95 % interval, which tells the two apart"
-        " unless it holds 0\np: probability of as large a difference by chance",
+        caption="\n".join(notes),
         caption_justify="left",
     )
     table.add_column("")

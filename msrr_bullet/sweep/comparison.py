@@ -111,6 +111,7 @@ class Comparison(BaseModel, frozen=True):
     """Two sweeps, compared over the seeds that both have.
 
     Attributes:
+        scenes: Names of the scenes of the first sweep and of the second; empty where a table tells none.
         trials: Number of these seeds.
         only_first: Number of seeds that the first sweep alone has.
         only_second: Number of seeds that the second sweep alone has.
@@ -120,6 +121,7 @@ class Comparison(BaseModel, frozen=True):
         figures: Figures that at least one seed has in both sweeps.
     """
 
+    scenes: tuple[str, str]
     trials: int
     only_first: int
     only_second: int
@@ -128,6 +130,11 @@ class Comparison(BaseModel, frozen=True):
     p: float
     figures: tuple[ComparedFigure, ...]
 
+    @property
+    def is_of_one_scene(self) -> bool:
+        """Whether no table says that the sweeps are of scenes with different names."""
+        return len({*self.scenes} - {""}) < 2
+
 
 def compare_sweeps(first: Path, second: Path) -> Comparison:
     """Compare two sweeps trial by trial, by the files that ``msrr sweep --csv`` wrote of them.
@@ -135,15 +142,9 @@ def compare_sweeps(first: Path, second: Path) -> Comparison:
     A trial without a result counts as one that did not succeed.
 
     Raises:
-        SceneError: A file cannot be read as such a table, the two are of different scenes, or they have no
-            seed in common.
+        SceneError: A file cannot be read as such a table, or the two have no seed in common.
     """
     (scene, a), (other, b) = _read(first), _read(second)
-    if scene and other and scene != other:
-        raise SceneError(
-            f"{first} is a sweep of the scene {scene}, {second} of {other}; their trials share nothing but"
-            f" the seed. If {other} is a variant of {scene}, sweep it with --set name={scene}"
-        )
     seeds = sorted(a.keys() & b.keys())
     if not seeds:
         raise SceneError(f"{first} and {second} have no seed in common; sweep the same --seeds in both")
@@ -156,6 +157,7 @@ def compare_sweeps(first: Path, second: Path) -> Comparison:
         _compared(_DURATION, [(p.duration_s, q.duration_s) for p, q in both]),
     ]
     return Comparison(
+        scenes=(scene, other),
         trials=len(seeds),
         only_first=len(a) - len(seeds),
         only_second=len(b) - len(seeds),
