@@ -17,7 +17,6 @@ from msrr_control.docking.graceful import GracefulLaw, GracefulParams
 from msrr_control.docking.guidance import GuidanceSpec
 from msrr_control.docking.law import DockingLaw, DockSetup, LawInputs, State
 from msrr_control.parameters import read_params
-from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.guarded import no_result, wrong
 from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate, Twist, seconds
 from msrr_scenes.registry import ExtensionPoint, build
@@ -91,7 +90,11 @@ class LawController(Generic[State]):
         self._state = self.law.start(law_inputs(inputs))
 
     def step(self, inputs: ControlInputs) -> Twist:
-        """Return the command for this instant; the first call begins an approach."""
+        """Return the command for this instant; the first call begins an approach.
+
+        Raises:
+            ValueError: The law returned a command of another shape than (2,).
+        """
         arrays = law_inputs(inputs)
         if self._state is None:
             self._state = self.law.start(arrays)
@@ -99,7 +102,7 @@ class LawController(Generic[State]):
         shape = np.shape(command)
         if shape != (2,):
             name = type(self.law).__name__
-            raise ProgramFailedError(f"{name}.step returned a command of shape {shape}; expected (2,)")
+            raise ValueError(f"{name}.step returned a command of shape {shape}; expected (2,)")
         return Twist(float(command[0]), float(command[1]))
 
 

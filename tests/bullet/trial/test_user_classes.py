@@ -88,6 +88,17 @@ class Raising(Failing, Controller):
         return super().step(inputs)
 
 
+class LateLaw(Failing, BarrierLaw):
+    def step(self, state, inputs, dt):
+        command, state = super().step(state, inputs, dt)
+        return (command[None] if self.late() else command), state
+
+
+class RowsCommand(LawController):
+    def __init__(self, setup):
+        super().__init__(LateLaw(BarrierParams(), setup))
+
+
 class Leaving(Failing, Controller):
     def reset(self, inputs):
         raise SystemExit(0)
@@ -338,6 +349,7 @@ def test_a_renderer_without_the_method_that_a_camera_needs_is_refused() -> None:
         ("controller", "PairCommand", "step returned (0.1, 0.0); expected a Twist"),
         ("controller", "EndlessCommand", "expected a Twist of two finite numbers"),
         ("controller", "Raising", "step raised KeyError: 'gain'"),
+        ("controller", "RowsCommand", "LateLaw.step returned a command of shape (1, 2); expected (2,)"),
         ("controller", "Leaving", "reset raised SystemExit: 0"),
         ("controller", "Unbuildable", "__init__ raised OSError: no such device"),
         ("estimator", "NoPose", "expected a pose within"),

@@ -132,7 +132,7 @@ class _TwoRows:
 
 
 def test_a_law_that_commands_more_than_one_robot_is_named() -> None:
-    with pytest.raises(ProgramFailedError, match=r"_TwoRows\.step returned a command of shape \(2, 2\)"):
+    with pytest.raises(ValueError, match=r"_TwoRows\.step returned a command of shape \(2, 2\)"):
         LawController(_TwoRows()).step(_inputs())
 
 
