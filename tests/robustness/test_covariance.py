@@ -36,6 +36,7 @@ from msrr_scenes.messages import (
     PoseEstimate,
     WheelOdometry,
 )
+from msrr_scenes.specs.as_built import Grade, graded_optics
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import OdometrySpec
 
@@ -50,17 +51,19 @@ WAYPOINTS_M = (0.6, 0.4, 0.2)
 #: that those of an honest covariance exceed once in 2000 times.
 _SAFE = 1.0, float(chi2.ppf(0.9995, 3 * len(SEEDS)) / len(SEEDS))
 
+
+def _graded(grade: Grade) -> dict[str, str]:
+    """Return the overrides that give robots and onboard cameras a grade of workmanship."""
+    return {"as_built": grade} | {f"cameras.onboard.{k}": str(v) for k, v in graded_optics(grade).items()}
+
+
 #: What robots and cameras are like: overrides, and the bounds of the mean NEES.
-_CAREFUL_OPTICS = {"noise_grey": "4", "blur_px": "0.8", "gamma": "1.2", "exposure_ms": "10"}
 BOUNDS: dict[str, tuple[dict[str, str], float, float]] = {
     "noise 2": ({}, *_SAFE),
     "noise 8": ({"cameras.onboard.noise_grey": "8"}, *_SAFE),
     "blur 1 px": ({"cameras.onboard.blur_px": "1"}, 0.0, 6.0),
-    "careful": (
-        {"as_built": "careful"} | {f"cameras.onboard.{k}": v for k, v in _CAREFUL_OPTICS.items()},
-        1.0,
-        6.0,
-    ),
+    "careful": (_graded("careful"), 1.0, 6.0),
+    "workshop": (_graded("workshop"), 1.0, 9.0),
 }
 
 #: Error and standard deviation of (x, y, yaw), shape (6,) [m, rad].
@@ -135,18 +138,29 @@ def test_on_the_way(what: str, shipped: Callable[..., Scene]) -> None:
     large. So by chance a mean of 50 lies below the lower bound once in 1000 times, and above the upper one
     of an honest covariance once in 2000. The other bounds are wider, because blur shifts the corners of small
     tags, and errors of calibration enter to first order.
+
+    Robots of the grade ``workshop`` have most blur. Over 150 other approaches, of the seeds 3000 to 3149,
+    they gave 4.3, 6.1 and 3.8. Of 200,000 means of 50 that were drawn from these, one in 2000 is above 9 at
+    0.4 m, and none is at 0.6 or 0.2 m or at the end.
+
+    The last estimate is of a unit in its seat, and has the upper bound alone: with perfect calibration its
+    NEES is 0.1, for the filter grants every unit that touches its port a spinning wheel.
     """
     overrides, low, high = BOUNDS[what]
-    at: dict[float, list[float]] = {gap: [] for gap in WAYPOINTS_M}
+    places = *(f"at {gap:g} m" for gap in WAYPOINTS_M), "in the seat"
+    at: dict[str, list[np.ndarray]] = {place: [] for place in places}
     for seed in SEEDS:
-        waiting = list(WAYPOINTS_M)
-        for gap, nees in approach(shipped("close_range", overrides), seed):
-            while waiting and gap < waiting[0]:
-                at[waiting.pop(0)].append(nees)
-    means = {gap: float(np.mean(values)) for gap, values in at.items()}
-    print(f"\n{what}: NEES", *(f"{mean:.2f} at {gap:g} m" for gap, mean in means.items()), end="")
-    assert all(len(values) == len(SEEDS) for values in at.values())
-    assert all(low <= mean <= high for mean in means.values()), means
+        estimates = approach(shipped("close_range", overrides), seed)
+        passed = [next(off for gap, off in estimates if gap < waypoint) for waypoint in WAYPOINTS_M]
+        for place, off in zip(places, [*passed, estimates[-1][1]], strict=True):
+            at[place].append(off)
+    means = {place: float(np.mean(values, axis=0)[0]) for place, values in at.items()}
+    for place, values in at.items():
+        rms, mean = np.sqrt(np.mean(np.square(values), axis=0))[1:], np.mean(values, axis=0)[1:]
+        print(f"\n{what}, {place}: NEES {means[place]:.2f}, x, y, yaw in sigma: RMS {rms.round(1)}", end="")
+        print(f", mean {mean.round(1)}", end="")
+    assert max(means.values()) <= high, means
+    assert min(means[place] for place in places[:-1]) >= low, means
 
 
 @pytest.mark.nightly
@@ -214,8 +228,8 @@ def test_from_above_with_care(shipped: Callable[..., Scene]) -> None:
     assert all(1.5 <= mean <= 6.0 for mean in means.values()), means
 
 
-def approach(scene: Scene, seed: int) -> list[tuple[float, float]]:
-    """Run a trial; return the true gap [m] and the NEES of each of its estimates."""
+def approach(scene: Scene, seed: int) -> list[tuple[float, np.ndarray]]:
+    """Run a trial; return the true gap [m], and NEES and errors in sigma, shape (4,), of each estimate."""
     recorder, step = MemoryRecorder(), scene.plan[0]
     Trial(scene, seed, recorder=recorder).run()
     target = TargetModel.from_scene(scene, step)
@@ -225,7 +239,7 @@ def approach(scene: Scene, seed: int) -> list[tuple[float, float]]:
     for _, ns, m in recorder.messages:
         if isinstance(m, PoseEstimate):
             X_DU = (truth[step.target_unit, ns] @ X_target_D).inverse() @ truth[step.unit, ns]
-            error = sample(m, X_DU)[:3]
+            error, sigma = np.split(sample(m, X_DU), 2)
             nees = float(error @ np.linalg.solve(m.covariance, error))
-            found.append((-X_DU.x - target.front, nees))
+            found.append((-X_DU.x - target.front, np.array([nees, *(error / sigma)])))
     return found
