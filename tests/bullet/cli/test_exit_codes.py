@@ -114,6 +114,12 @@ def test_a_full_disk_is_one_message(short_trial: list[str], capsys: Capture) -> 
     assert "Traceback" not in err
 
 
+def _need_mounts(folder: Path) -> None:
+    """Skip the test where this user may not mount a disk."""
+    if _with_full_folder(folder, "true").returncode:
+        pytest.skip("no permission to mount a disk")  # containers often forbid it, and no other disk is full
+
+
 def _with_full_folder(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
     """Run a command whose temporary files go to a disk with 4 KiB of room, which is mounted for it alone."""
     full = 'mount -t tmpfs -o size=64k none "$TMPDIR" && head -c 60K /dev/zero > "$TMPDIR/x" && exec "$@"'
@@ -140,8 +146,7 @@ def test_a_full_folder_of_temporary_files_is_named_with_what_helps(
 ) -> None:
     full = tmp_path / "full"
     full.mkdir()
-    if _with_full_folder(full, "true").returncode:
-        pytest.skip("this system lets nobody mount a disk")
+    _need_mounts(full)
     assert run(["dock", "close_range", *short_trial, "--out", "run"]) == 1
     done = _with_full_folder(full, sys.executable, "-m", "msrr_bullet", *arguments)
     assert done.returncode == 2
@@ -154,8 +159,7 @@ def test_a_full_folder_of_temporary_files_is_named_with_what_helps(
 def test_a_full_folder_of_machine_code_is_named_with_what_helps(
     short_trial: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if _with_full_folder(tmp_path, "true").returncode:
-        pytest.skip("this system lets nobody mount a disk")
+    _need_mounts(tmp_path)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     done = _with_full_folder(
         tmp_path, sys.executable, "-m", "msrr_bullet", "dock", "close_range", *short_trial
