@@ -51,20 +51,21 @@ def pack_floor(levels: Sequence[Floats], period: float, wall: float) -> FloorTex
 def _blends(levels: Sequence[Floats]) -> Iterator[Pixels]:
     """Yield the blends, finest first, in whole grey levels; one at a time, for they are large."""
     for fine, coarse in pairwise(levels):
-        above = _doubled(coarse.astype(np.float64))
+        rise = _doubled(coarse.astype(np.float64)) - fine
         for k in range(STEPS):
-            yield np.rint(fine + (k / STEPS) * (above - fine)).astype(np.uint8)
+            yield np.rint(fine + (k / STEPS) * rise).astype(np.uint8)
     yield np.rint(levels[-1]).astype(np.uint8)
 
 
 def _doubled(level: Array) -> Array:
     """Return a periodic level at twice the resolution, by linear interpolation between texel centres."""
-    for _ in range(2):  # down the columns, and after a transposition along the rows
-        out = np.repeat(0.75 * level, 2, axis=0)
-        out[0::2] += 0.25 * np.roll(level, 1, axis=0)
-        out[1::2] += 0.25 * np.roll(level, -1, axis=0)
-        level = out.T
-    return level
+    n = len(level)
+    down, out = np.empty((2 * n, n)), np.empty((2 * n, 2 * n))
+    for axis, given, even, odd in ((0, level, down[0::2], down[1::2]), (1, down, out[:, 0::2], out[:, 1::2])):
+        near, far = 0.75 * given, 0.25 * given
+        np.add(near, np.roll(far, 1, axis), out=even)
+        np.add(near, np.roll(far, -1, axis), out=odd)
+    return out
 
 
 def _with_neighbours(level: Pixels) -> Texels:
