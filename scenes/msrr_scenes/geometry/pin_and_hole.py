@@ -127,8 +127,8 @@ def _fit(pin: list[Array], walls: list[Array], middle: float, length: float) -> 
         middle: Middle of the hole, along y of D [m].
         length: Length of the pin [m].
     """
-    corners = np.concatenate([*pin, *walls])[:, 0]
-    depths = np.array([0.0, *np.unique(corners[(corners > 0.0) & (corners < length)]), length])
+    corners = set(np.concatenate([*pin, *walls])[:, 0].tolist())
+    depths = np.array([0.0, *sorted(x for x in corners if 0.0 < x < length), length])
     room = np.full(len(depths), math.inf)
     for wall in walls:
         low, high = _extent(wall, depths)
