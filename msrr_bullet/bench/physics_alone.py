@@ -10,10 +10,9 @@ from typing import Any
 
 from msrr_bullet.log.recorder import NullRecorder
 from msrr_bullet.profiler import Profiler
-from msrr_bullet.trial.coordinated_mission import CoordinatedMission
 from msrr_bullet.trial.environment import Environment, open_environment
-from msrr_bullet.trial.mission import PlannedMission
 from msrr_bullet.trial.telemetry import Telemetry
+from msrr_bullet.trial.trial import mission_of
 from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import seconds
@@ -71,12 +70,11 @@ def note_commands(scene: Scene, seed: int, profiler: Profiler) -> CommandedPhysi
         seed: Seed of the trial.
         profiler: Measures the time of each stage.
     """
-    mission_class = CoordinatedMission if scene.coordinated else PlannedMission
     with _environment(scene, seed) as environment:
         simulation = environment.simulation
         noted = _NotedPlant(simulation.plant)
         overheard: Any = noted  # it has every method of a plant
-        mission = mission_class(
+        mission = mission_of(
             replace(environment, simulation=replace(simulation, plant=overheard)),
             Telemetry(NullRecorder(), scene),
             profiler,

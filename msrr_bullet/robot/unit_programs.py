@@ -74,3 +74,19 @@ class UnitPrograms:
 
     def _guided(self, setup: AssemblySetup) -> GuidedAssembler[Any]:
         return build_guided(self._scene.control.assembly, setup, self._reaction_s)
+
+
+def check_programs(scene: Scene) -> None:
+    """Build what the units of a mission drive and dock with, which a trial builds when their routes begin.
+
+    Raises:
+        UnknownNameError: The scene names something unknown.
+        SceneError: Parameters are wrong, or a port shows no tags.
+    """
+    for unit in scene.units:
+        ports = (f"{other}.{p}" for other in scene.units for p in scene.geometry(other).passive_ports)
+        port = next((p for p in ports if not p.startswith(f"{unit}.")), None)
+        programs = UnitPrograms(scene, unit)
+        programs.along_route()
+        if port is not None:
+            programs.at_port(DockStep(unit=unit, port=ACTIVE_PORT, to=port))

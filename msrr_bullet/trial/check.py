@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from msrr_bullet.base_station.base_station import check_mission
 from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.recorder import NullRecorder
 from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.render import RENDERERS, RenderContext, build_renderer
 from msrr_bullet.render.raster.bodies import LoadedBodies
 from msrr_bullet.render.raster_renderer import RasterRenderer
-from msrr_bullet.robot.unit_programs import UnitPrograms
-from msrr_bullet.trial.coordinated_mission import CoordinatedMission
 from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.mission import begin_planned
 from msrr_bullet.trial.telemetry import Telemetry
-from msrr_control.coordination.bodies import ACTIVE_PORT
+from msrr_bullet.trial.trial import mission_of
 from msrr_control.staging.feasibility import check_assembly, check_time
 from msrr_control.staging.registry import ASSEMBLERS
 from msrr_scenes.as_built import draw_as_built
@@ -23,7 +20,7 @@ from msrr_scenes.loading.load import check_scene
 from msrr_scenes.placement.placement import draw_placement
 from msrr_scenes.random_streams import stream
 from msrr_scenes.registry import resolve
-from msrr_scenes.specs.plan import DockStep, in_order
+from msrr_scenes.specs.plan import in_order
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.temporary_files import NoRoomError
 
@@ -54,6 +51,8 @@ def _check(scene: Scene) -> None:
     check_scene(scene)
     resolve("assembler", scene.control.assembly.name, ASSEMBLERS)
     if scene.coordinated:
+        from msrr_bullet.base_station.base_station import check_mission  # for the reason in mission_of
+
         check_mission(scene)
     else:
         check_assembly(scene)
@@ -66,8 +65,10 @@ def _check(scene: Scene) -> None:
     placement = draw_placement(scene, lambda name: stream(0, name))
     with open_environment(scene, 0, placement, draw_as_built(scene, 0)) as environment:
         if scene.coordinated:
-            CoordinatedMission(environment, telemetry, NullProfiler())
-            _check_programs(scene.told())
+            from msrr_bullet.robot.unit_programs import check_programs
+
+            mission_of(environment, telemetry, NullProfiler())
+            check_programs(scene.told())
         for index in () if scene.coordinated else in_order(scene.docks):
             step = begin_planned(environment, index, telemetry, NullProfiler())
             if step.robot.failure is not None:
@@ -79,14 +80,3 @@ def _check(scene: Scene) -> None:
                 renderer = build_renderer(camera.renderer, RenderContext(world.client, camera.samples))
                 if isinstance(renderer, RasterRenderer):
                     LoadedBodies(world.client)  # reads the meshes that it draws
-
-
-def _check_programs(scene: Scene) -> None:
-    """Build what the units of a mission drive and dock with, which a trial builds when their routes begin."""
-    for unit in scene.units:
-        ports = (f"{other}.{p}" for other in scene.units for p in scene.geometry(other).passive_ports)
-        port = next((p for p in ports if not p.startswith(f"{unit}.")), None)
-        programs = UnitPrograms(scene, unit)
-        programs.along_route()
-        if port is not None:
-            programs.at_port(DockStep(unit=unit, port=ACTIVE_PORT, to=port))

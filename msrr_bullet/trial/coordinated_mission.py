@@ -8,7 +8,8 @@ from msrr_bullet.base_station.base_station import BaseStation
 from msrr_bullet.log import topics
 from msrr_bullet.log.records import Level, StepStart
 from msrr_bullet.profiler import Profiler
-from msrr_bullet.replay.recorded_robot import RecordedBaseStation, RecordedLedRobot
+from msrr_bullet.replay.recorded_base_station import RecordedBaseStation
+from msrr_bullet.replay.recorded_robot import RecordedLedRobot
 from msrr_bullet.robot.fail_safe import led_robot
 from msrr_bullet.sensors.schedule import Periodic, duration_ns
 from msrr_bullet.sensors.sensor_suite import MountedCamera

@@ -17,6 +17,7 @@ from msrr_bullet.trial.arena_judge import ArenaJudge, Safety
 from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.environment import Environment
 from msrr_bullet.trial.judge import Judge
+from msrr_bullet.trial.result import MissionFigures
 from msrr_bullet.trial.step_result import StepResult
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.unit_runner import UnitRunner
@@ -115,6 +116,10 @@ class Mission(ABC):
                     step.observe(self._plant.now_ns())
 
         return observe
+
+    def figures(self) -> MissionFigures | None:
+        """Return the figures of a mission that a base station led; None for a plan."""
+        return None
 
     @abstractmethod
     def _next_ns(self) -> float:

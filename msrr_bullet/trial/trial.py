@@ -7,9 +7,8 @@ from collections.abc import Callable
 from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_bullet.timeline.snapshot import Viewer
-from msrr_bullet.trial.coordinated_mission import CoordinatedMission
-from msrr_bullet.trial.environment import open_environment
-from msrr_bullet.trial.mission import PlannedMission
+from msrr_bullet.trial.environment import Environment, open_environment
+from msrr_bullet.trial.mission import Mission, PlannedMission
 from msrr_bullet.trial.result import TrialResult, decisive_step
 from msrr_bullet.trial.step_result import StepResult
 from msrr_bullet.trial.telemetry import Progress, Telemetry
@@ -67,17 +66,14 @@ class Trial:
         placement = draw_placement(self.scene, lambda name: stream(self.seed, name))
         built = draw_as_built(self.scene, self.seed)
         self._telemetry.begin(placement, built)
-        mission_class = CoordinatedMission if self.scene.coordinated else PlannedMission
         with open_environment(self.scene, self.seed, placement, built) as environment:
-            mission = mission_class(environment, self._telemetry, self._profiler)
+            mission = mission_of(environment, self._telemetry, self._profiler)
             steps = mission.run(check_clock)
             result = self._result(mission, steps, placement.redraws)
             self._telemetry.end(environment.simulation.plant.now_ns(), result.outcome)
         return result
 
-    def _result(
-        self, mission: PlannedMission | CoordinatedMission, steps: tuple[StepResult, ...], redraws: int
-    ) -> TrialResult:
+    def _result(self, mission: Mission, steps: tuple[StepResult, ...], redraws: int) -> TrialResult:
         return TrialResult(
             scene=self.scene.name,
             scene_hash=scene_hash(self.scene),
@@ -89,11 +85,21 @@ class Trial:
             duration_s=seconds(mission.ended_ns),
             start_redraws=redraws,
             steps=steps,
-            mission=mission.figures() if isinstance(mission, CoordinatedMission) else None,
+            mission=mission.figures(),
         )
 
 
-def _verdict(mission: PlannedMission | CoordinatedMission, steps: tuple[StepResult, ...]) -> Outcome:
+def mission_of(environment: Environment, telemetry: Telemetry, profiler: Profiler) -> Mission:
+    """Begin what the scene of an environment asks for: a plan, or the mission of a base station."""
+    if not environment.simulation.scene.coordinated:
+        return PlannedMission(environment, telemetry, profiler)
+    # The other scenes, and their checks, do without the base station and its thirty modules.
+    from msrr_bullet.trial.coordinated_mission import CoordinatedMission
+
+    return CoordinatedMission(environment, telemetry, profiler)
+
+
+def _verdict(mission: Mission, steps: tuple[StepResult, ...]) -> Outcome:
     """Return the verdict on a trial: a mission is complete only if no step contradicts it."""
     if isinstance(mission, PlannedMission) or mission.outcome is None:
         return decisive_step(steps).outcome

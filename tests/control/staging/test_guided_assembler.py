@@ -9,8 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from msrr_control.coordination import Body, Coordinator, Knowledge, Mission, RouteParams, Shape
+from msrr_control.coordination.bodies import Body
+from msrr_control.coordination.coordinator import Coordinator
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import SAME_M
+from msrr_control.coordination.mission import Mission
+from msrr_control.coordination.route_finder import RouteParams
+from msrr_control.coordination.shape import Shape
 from msrr_control.coordination.track import track_of
 from msrr_control.kinematics.unicycle import advance_pose, drive
 from msrr_control.path_following.c1 import C1PathFollowingLaw
