@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gc
 import json
+import os
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -54,6 +55,9 @@ def main() -> None:
     # Imports make objects that stay. By default the collector looks for garbage among them for every 700 new
     # ones, which takes a tenth of the time of a short command.
     gc.set_threshold(50_000)
+    # Pydantic has plugins, for which it reads the metadata of every package that is installed. None is of use
+    # here; who wants one sets this to the name of another.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     open_closed_streams()
     signal.signal(signal.SIGTERM, _terminate)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # and not of nohup, which wants it ignored

@@ -1,5 +1,6 @@
 """The program: help, versions, the commands scenes and check, and bad input."""
 
+import os
 import re
 import signal
 import subprocess
@@ -81,10 +82,29 @@ def test_a_check_loads_nothing_that_only_a_run_needs() -> None:
     assert loaded.isdisjoint({*needless, "meshcat", "tornado", "google.protobuf", "multiprocessing"})
 
 
-def test_a_check_of_two_units_loads_no_scipy() -> None:
-    """Its packages take as long as all else that the check imports; a mission assigns places with it."""
+def test_a_check_of_two_units_loads_nothing_that_only_a_mission_needs() -> None:
+    """SciPy's packages take as long as all else that the check imports; a mission assigns places with it."""
     loaded = _loaded_by("check", "two_units", "close_range")
     assert [module for module in loaded if module.partition(".")[0] == "scipy"] == []
+    assert "msrr_bullet.trial.mission" in loaded
+    of_missions = {"msrr_bullet.base_station", "msrr_bullet.trial.coordinated_mission", "numpy.ma"}
+    assert loaded.isdisjoint({*of_missions, "msrr_control.coordination.coordinator"})
+
+
+@pytest.mark.parametrize("wanted", [None, "another"])
+def test_the_program_asks_no_package_for_plugins_of_pydantic(wanted: str | None) -> None:
+    """That would read the metadata of every package that is installed; who wants to, has them read."""
+    program = (
+        "import sys; from msrr_bullet.cli import main; sys.argv = ['msrr', 'check', 'two_units']\n"
+        "try: main()\n"
+        "finally: from pydantic.plugin import _loader; print('read', _loader._plugins is not None)"
+    )
+    environment = {key: value for key, value in os.environ.items() if key != "PYDANTIC_DISABLE_PLUGINS"}
+    if wanted is not None:
+        environment["PYDANTIC_DISABLE_PLUGINS"] = wanted
+    command = [sys.executable, "-c", program]
+    said = subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout
+    assert said.splitlines()[-1] == f"read {wanted is not None}"
 
 
 def _loaded_by(*arguments: str) -> set[str]:
