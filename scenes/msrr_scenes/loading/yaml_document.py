@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -166,15 +166,10 @@ def _put(document: YamlDocument, parts: list[str], value: Any, option: str) -> N
 
 
 def _compose(text: str, source: str) -> yaml.Node | None:
-    loader: yaml.SafeLoader | None = None
+    loader: _Composer | None = None
     try:
-        # The composer recurses; the parser does not. So depth is measured on events first.
-        depth, loader = 0, yaml.SafeLoader(text)
-        for event in iter(loader.get_event, None):
-            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            if depth > MAX_DEPTH:
-                raise SceneError(f"{_place(source, event)}: nested more than {MAX_DEPTH} levels deep")
-        return yaml.compose(text, Loader=yaml.SafeLoader)
+        loader = _Composer(text, source)
+        return loader.get_single_node()
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = _position(source, mark.line, mark.column) if mark else source
@@ -189,6 +184,24 @@ def _compose(text: str, source: str) -> yaml.Node | None:
         assert loader is not None
         place = _position(source, loader.line, loader.column)
         raise SceneError(f"{place}: not valid YAML: no character has the number of this escape") from None
+
+
+class _Composer(yaml.SafeLoader):
+    """Composes the nodes of a document, and refuses collections in too many others, for it recurses."""
+
+    def __init__(self, text: str, source: str) -> None:
+        super().__init__(text)
+        self._source, self._depth = source, 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        opens = self.check_event(yaml.CollectionStartEvent)
+        self._depth += opens
+        if self._depth > MAX_DEPTH:
+            peek: Callable[[], yaml.Event] = self.peek_event
+            raise SceneError(f"{_place(self._source, peek())}: nested more than {MAX_DEPTH} levels deep")
+        node = super().compose_node(parent, index)
+        self._depth -= opens
+        return node
 
 
 def _position(source: str, line: int, column: int) -> str:
