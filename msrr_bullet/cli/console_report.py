@@ -12,7 +12,7 @@ from msrr_bullet.sweep.comparison import Comparison
 from msrr_bullet.sweep.summary import StepFigures, SweepSummary
 from msrr_bullet.trial.result import MissionFigures, TrialResult
 from msrr_bullet.trial.step_result import PlanarPose, StepResult
-from msrr_scenes.loading.load import load_scene
+from msrr_scenes.loading.load import find_scene, read_document
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.wording import counted
 
@@ -261,5 +261,5 @@ def scenes_table(names: tuple[str, ...]) -> Table:
     table.add_column("scene", no_wrap=True)
     table.add_column("description")
     for name in names:
-        table.add_row(name, load_scene(name).description)
+        table.add_row(name, read_document(find_scene(name)).data["description"])
     return table
