@@ -157,13 +157,15 @@ def hull_or_line(points: Array) -> Array:
 def _lower_chain(points: list[list[float]]) -> list[list[float]]:
     """Return those of the points, ordered along an axis, at which a hull turns left from first to last."""
     chain: list[list[float]] = []
-    for x, y in points:
+    for point in points:
+        x, y = point
         while len(chain) > 1:
-            (ax, ay), (bx, by) = chain[-2:]
+            ax, ay = chain[-2]
+            bx, by = chain[-1]
             if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > _FLAT_M2:
                 break
             chain.pop()
-        chain.append([x, y])
+        chain.append(point)
     return chain
 
 
