@@ -101,22 +101,22 @@ def rectangles(cells: Pixels) -> Indices:
     From each cell not yet in one, a rectangle is as wide as possible, then as high. Rectangles are convex
     like faces, so that a pixel whose corners lie in one shows nothing else; the fewer the better.
     """
-    rows, columns = cells.shape
-    out = np.full(cells.shape, -1, dtype=np.int64)
+    (rows, columns), greys = cells.shape, cells.tolist()
+    out = [[-1] * columns for _ in range(rows)]
     count = 0
     for row in range(rows):
         for column in range(columns):
-            if out[row, column] >= 0:
+            if out[row][column] >= 0:
                 continue
-            free = (cells[row] == cells[row, column]) & (out[row] < 0)
+            grey = greys[row][column]
             right = column + 1
-            while right < columns and free[right]:
+            while right < columns and greys[row][right] == grey and out[row][right] < 0:
                 right += 1
+            across = range(column, right)
             bottom = row + 1
-            while bottom < rows and bool(
-                ((cells[bottom, column:right] == cells[row, column]) & (out[bottom, column:right] < 0)).all()
-            ):
+            while bottom < rows and all(greys[bottom][c] == grey and out[bottom][c] < 0 for c in across):
                 bottom += 1
-            out[row:bottom, column:right] = count
+            for filled in out[row:bottom]:
+                filled[column:right] = [count] * len(across)
             count += 1
-    return out
+    return np.array(out, dtype=np.int64)
