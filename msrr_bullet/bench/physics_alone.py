@@ -12,7 +12,7 @@ from msrr_bullet.log.recorder import NullRecorder
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.trial.environment import Environment, open_environment
 from msrr_bullet.trial.telemetry import Telemetry
-from msrr_bullet.trial.trial import mission_of
+from msrr_bullet.trial.trial import begin_mission
 from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import seconds
@@ -74,7 +74,7 @@ def note_commands(scene: Scene, seed: int, profiler: Profiler) -> CommandedPhysi
         simulation = environment.simulation
         noted = _NotedPlant(simulation.plant)
         overheard: Any = noted  # it has every method of a plant
-        mission = mission_of(
+        mission = begin_mission(
             replace(environment, simulation=replace(simulation, plant=overheard)),
             Telemetry(NullRecorder(), scene),
             profiler,

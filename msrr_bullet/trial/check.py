@@ -11,7 +11,7 @@ from msrr_bullet.render.raster_renderer import RasterRenderer
 from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.mission import begin_planned
 from msrr_bullet.trial.telemetry import Telemetry
-from msrr_bullet.trial.trial import mission_of
+from msrr_bullet.trial.trial import begin_mission
 from msrr_control.staging.feasibility import check_assembly, check_time
 from msrr_control.staging.registry import ASSEMBLERS
 from msrr_scenes.as_built import draw_as_built
@@ -51,7 +51,7 @@ def _check(scene: Scene) -> None:
     check_scene(scene)
     resolve("assembler", scene.control.assembly.name, ASSEMBLERS)
     if scene.coordinated:
-        from msrr_bullet.base_station.base_station import check_mission  # for the reason in mission_of
+        from msrr_bullet.base_station.base_station import check_mission  # for the reason in begin_mission
 
         check_mission(scene)
     else:
@@ -67,7 +67,7 @@ def _check(scene: Scene) -> None:
         if scene.coordinated:
             from msrr_bullet.robot.unit_programs import check_programs
 
-            mission_of(environment, telemetry, NullProfiler())
+            begin_mission(environment, telemetry, NullProfiler())
             check_programs(scene.told())
         for index in () if scene.coordinated else in_order(scene.docks):
             step = begin_planned(environment, index, telemetry, NullProfiler())

@@ -67,7 +67,7 @@ class Trial:
         built = draw_as_built(self.scene, self.seed)
         self._telemetry.begin(placement, built)
         with open_environment(self.scene, self.seed, placement, built) as environment:
-            mission = mission_of(environment, self._telemetry, self._profiler)
+            mission = begin_mission(environment, self._telemetry, self._profiler)
             steps = mission.run(check_clock)
             result = self._result(mission, steps, placement.redraws)
             self._telemetry.end(environment.simulation.plant.now_ns(), result.outcome)
@@ -89,11 +89,11 @@ class Trial:
         )
 
 
-def mission_of(environment: Environment, telemetry: Telemetry, profiler: Profiler) -> Mission:
+def begin_mission(environment: Environment, telemetry: Telemetry, profiler: Profiler) -> Mission:
     """Begin what the scene of an environment asks for: a plan, or the mission of a base station."""
     if not environment.simulation.scene.coordinated:
         return PlannedMission(environment, telemetry, profiler)
-    # The other scenes, and their checks, do without the base station and its thirty modules.
+    # The other scenes, and their checks, do without the base station, which is twenty modules.
     from msrr_bullet.trial.coordinated_mission import CoordinatedMission
 
     return CoordinatedMission(environment, telemetry, profiler)
