@@ -5,7 +5,7 @@ import pytest
 
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.loading.yaml_document import apply_overrides, override_text, parse_document
+from msrr_scenes.loading.yaml_document import MAX_DEPTH, apply_overrides, override_text, parse_document
 
 TEXT = """\
 a: 1
@@ -86,3 +86,14 @@ def test_merge_keys_are_refused_with_the_way_without_them() -> None:
 def test_values_that_the_parser_stumbles_over_are_named(value: str, said: str) -> None:
     with pytest.raises(SceneError, match=rf"^x\.yaml:2:\d+: .*{said}"):
         parse_document(f"a: 1\nb: {value}\n", "x.yaml")
+
+
+def test_depth_is_bounded_where_it_is_exceeded() -> None:
+    """The top is one level; a flat document may have any number of collections beside each other."""
+    lists = MAX_DEPTH - 1
+    flat = "".join(f"k{i}: [[1]]\n" for i in range(2 * MAX_DEPTH))
+    assert len(parse_document(flat, "a.yaml").data) == 2 * MAX_DEPTH
+    assert parse_document(f"a: {'[' * lists}{']' * lists}", "a.yaml").data
+    for deeper in (lists + 1, 10_000):
+        with pytest.raises(SceneError, match=rf"^a.yaml:1:{4 + lists}: nested more than {MAX_DEPTH} levels"):
+            parse_document(f"a: {'[' * deeper}{']' * deeper}", "a.yaml")
