@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from msrr_perception.kernels.compiled import inlined, kernel, subroutine
 from msrr_perception.kernels.edge_errors import section_variance
 from msrr_perception.kernels.lens import NO_LENS, Optic, distorted, undistorted
-from msrr_perception.kernels.neighbours import NEIGHBOUR_MODULES, spread_of, without_neighbours
+from msrr_perception.kernels.neighbours import NEIGHBOUR_MODULES, SAMPLES, spread_of, without_neighbours
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
 
@@ -37,16 +37,19 @@ END_SHARE = 0.12
 #: Modules (bits) along the edge of the black square of a tag.
 TAG_MODULES = 8.0
 
-#: Half-length of a cross section in modules of the tag, its bounds in pixels, and its samples.
+#: Half-length of a cross section in modules of the tag, and its bounds in pixels.
 #: Interpolation spreads a sharp edge over 2 px. Sections much shorter than that make the shift depend on
 #: where the edge lies between two pixels, an error that all corners on one edge have in common; those of
 #: tiny tags therefore reach beyond the middle of the borders.
 REACH_MODULES = 0.5
 LEAST_REACH_PX, GREATEST_REACH_PX = 1.15, 3.0
-SAMPLES = 13
 
 #: Largest distance of a corner from the guess [px]; what lies farther is not the corner that was detected.
 LARGEST_SHIFT_PX = 2.0
+
+#: Least share of a shift that a section is taken to show. A blur that was told too large asks for less, and
+#: fits that make up for it would not settle.
+LEAST_GAIN = 0.5
 
 #: Least mean contrast across an edge [grey levels].
 LEAST_CONTRAST = 8.0
@@ -223,7 +226,7 @@ def fit_edge(
     black, white, mean, mean_squared, overlap = 0.0, 0.0, 0.0, 0.0, 0.0
     black_moment, white_moment, moment = 0.0, 0.0, 0.0  # about the middle of the edge
     step = 2.0 * reach / (SAMPLES - 1)
-    spread, beside = spread_of(blur_px, module, reach, step), NEIGHBOUR_MODULES * module
+    spread, beside = spread_of(blur_px, module, reach), NEIGHBOUR_MODULES * module
     for i in range(SECTIONS):
         s = END_SHARE + _STEP * i
         middle_x, middle_y = x0 + s * along_x, y0 + s * along_y
@@ -268,15 +271,15 @@ def fit_edge(
     # changes both levels in proportion: a section is compared with the levels where it lies. Compared with
     # the means of the edge, 5 % more light at one end would turn the edge by as much as 0.3 px. A section
     # that is shorter than the blurred edge shows only a part of the shift.
-    per_grey = 2.0 * reach / (contrast * spread.gain)
+    per_grey = 2.0 * reach / (contrast * max(spread.gain, LEAST_GAIN))
     light = (black * black_moment + white * white_moment) / (SQUARES * (black * black + white * white))
     level = per_grey * (0.5 * (black + white) - mean)
     slope = -per_grey * (moment / SQUARES - light * mean)
     # What the cross sections leave of a line, and how wide the edge is.
     left = max(mean_squared - SECTIONS * mean * mean - moment * moment / SQUARES, 0.0)
-    residual = per_grey * per_grey * left / (SECTIONS - 2)
+    residual = (2.0 * reach / (contrast * spread.gain)) ** 2 * left / (SECTIONS - 2)
     overlap *= 2.0 * reach / (SECTIONS * contrast * contrast)
-    variances[e] = section_variance(residual, overlap, reach, _STEP * length)
+    variances[e] = section_variance(residual, overlap, reach, _STEP * length, blur_px)
     at_a, at_b = level - 0.5 * slope, level + 0.5 * slope
     a[e, 0], a[e, 1] = x0 + at_a * nx, y0 + at_a * ny
     b[e, 0], b[e, 1] = x0 + along_x + at_b * nx, y0 + along_y + at_b * ny

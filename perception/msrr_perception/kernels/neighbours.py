@@ -15,6 +15,9 @@ from typing import NamedTuple
 
 from msrr_perception.kernels.compiled import inlined, subroutine
 
+#: Samples of a cross section; the two at either end tell the levels of black and white.
+SAMPLES = 13
+
 #: Middle of what lies beside a border, by its distance from the edge in modules.
 NEIGHBOUR_MODULES = 1.5
 
@@ -25,9 +28,34 @@ _PIXEL_PX, _MOST_MODULES = 0.5, 0.6
 #: Distance of a neighbour from a section, in deviations of the blur, from which on it gives no light.
 _FAR = 4.0
 
-#: Least share of a shift that a section is taken to show. A blur that was told too large asks for less, and
-#: fits that make up for it would not settle.
-_LEAST_GAIN = 0.5
+
+def blur_of(blur_px: float, module: float) -> float:
+    """Return the standard deviation of the blur of an edge by lens, pixels and interpolation [px].
+
+    Args:
+        blur_px: Standard deviation of the lens blur [px].
+        module: Width of a module [px].
+    """
+    return min(math.hypot(blur_px, _PIXEL_PX), _MOST_MODULES * module)
+
+
+def gain_of(blur: float, reach: float) -> float:
+    """Return the distance by which a section says that an edge is off, by the distance that it is off.
+
+    A section that is shorter than the blurred edge says less: the edge moves light into the levels of black
+    and white as well, with which the mean of the section is compared.
+
+    Args:
+        blur: Standard deviation of the blur of the edge [px].
+        reach: Half-length of the section [px].
+    """
+    end = reach / blur * math.sqrt(0.5)
+    inner = end * (1.0 - 2.0 / (SAMPLES - 1))
+    at_levels = end * (math.exp(-end * end) + math.exp(-inner * inner)) / math.sqrt(math.pi)
+    return (math.erf(end) - at_levels) / (0.5 * (math.erf(end) + math.erf(inner)))
+
+
+_blur_of, _gain_of = inlined(blur_of), inlined(gain_of)
 
 
 class Spread(NamedTuple):
@@ -39,7 +67,7 @@ class Spread(NamedTuple):
         near: Light of a neighbour in the samples that tell the level of the border beside it.
         whole: Light of a neighbour in the mean of the section.
         border: Light of a border in a sample at the middle of the neighbour beside it.
-        gain: Distance by which a section says that the edge is off, by the distance that it is off.
+        gain: See :func:`gain_of`.
     """
 
     reached: bool
@@ -56,32 +84,23 @@ def below(z: float) -> float:
     return 0.5 * math.erfc(-z * math.sqrt(0.5))
 
 
-@inlined
-def bell(z: float) -> float:
-    """Return the density of the normal distribution at ``z`` deviations."""
-    return math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
-
-
 @subroutine
-def spread_of(blur_px: float, module: float, reach: float, step: float) -> Spread:
+def spread_of(blur_px: float, module: float, reach: float) -> Spread:
     """Return how blur spreads light over a section.
 
     Args:
         blur_px: Standard deviation of the lens blur [px].
         module: Width of a module [px].
         reach: Half-length of the section [px].
-        step: Distance of the two samples at either end of it that tell the levels of black and white [px].
     """
-    blur = min(math.hypot(blur_px, _PIXEL_PX), _MOST_MODULES * module)
-    end, inner, apart = reach / blur, (reach - step) / blur, (module - reach) / blur
-    across = 0.5 * (below(-end) + below(-inner))
-    # The edge moves light into the mean of the section, and into the levels with which that is compared.
-    at_levels = end * (bell(end) + bell(inner))
-    gain = max((1.0 - 2.0 * below(-end) - at_levels) / (1.0 - 2.0 * across), _LEAST_GAIN)
+    blur, step = _blur_of(blur_px, module), 2.0 * reach / (SAMPLES - 1)
+    apart, gain = (module - reach) / blur, _gain_of(blur, reach)
+    across = 0.5 * (below(-reach / blur) + below((step - reach) / blur))
     if apart > _FAR:
         return Spread(False, across, 0.0, 0.0, 0.0, gain)
     near = 0.5 * (below(-apart) + below(-apart - step / blur))
-    whole = 0.5 * (bell(apart) - apart * below(-apart)) / end
+    bell = math.exp(-0.5 * apart * apart) / math.sqrt(2.0 * math.pi)
+    whole = 0.5 * blur * (bell - apart * below(-apart)) / reach
     border = below((1.0 - NEIGHBOUR_MODULES) * module / blur)
     return Spread(True, across, near, whole, border, gain)
 
