@@ -172,8 +172,8 @@ def test_what_an_approach_shows_of_the_camera(
 ) -> None:
     """The errors of the filter about its camera in 24 trials are as large as their standard deviations.
 
-    Measured: 1.1 to 1.4. An honest deviation gives a ratio above 1.5 once in 2000 times, and one that is 1.4
-    times too small a ratio above 2.1.
+    Measured: 1.0 to 1.8, most for the focal length in ``two_units``. An honest deviation gives a ratio above
+    1.5 once in 2000 times, and one that is 1.4 times too small a ratio above 2.1.
     """
     filters: list[CornerEkf] = []
     receive = CornerEkf.add_detections
