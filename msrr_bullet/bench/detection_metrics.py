@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
-from msrr_perception.detection.detector import Detector, for_large_tags, for_noise
+from msrr_perception.detection.detector import Detector, for_blur, for_large_tags, for_noise
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, TagDetection
@@ -53,6 +53,10 @@ class RecordingDetector:
         """Record the windows of ``detector`` in ``windows``, or in a new list."""
         self.windows: list[Window] = [] if windows is None else windows
         self._detector = detector
+
+    def for_blur(self, blur_px: float) -> RecordingDetector:
+        """Return the detector for blurred images, which records in the same list."""
+        return RecordingDetector(for_blur(self._detector, blur_px), self.windows)
 
     def for_large_tags(self) -> RecordingDetector:
         """Return the detector for large tags, which records in the same list."""

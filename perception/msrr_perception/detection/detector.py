@@ -30,6 +30,7 @@ __all__ = [
     "default_search_detector",
     "detector_for",
     "detectors_by_size",
+    "for_camera",
     "for_large_tags",
     "for_lens",
     "for_noise",
@@ -117,6 +118,27 @@ def for_noise(detector: Detector, noise_grey: float) -> Detector:
     return detector if make is None else make(noise_grey)
 
 
+def for_blur(detector: Detector, blur_px: float) -> Detector:
+    """Return the detector to use behind a lens with a blur of this standard deviation [px].
+
+    A detector whose corners depend on the blur offers one by a method ``for_blur(blur_px)``.
+    """
+    make = getattr(detector, "for_blur", None)
+    return detector if make is None else make(blur_px)
+
+
+def for_camera(detector: Detector, lens: Lens, blur_px: float, noise_grey: float) -> Detector:
+    """Return the detector to use for a camera, by its calibration and what its data sheet says.
+
+    Args:
+        detector: Detector of any camera.
+        lens: Lens of the camera.
+        blur_px: Standard deviation of its blur [px].
+        noise_grey: Standard deviation of a pixel [grey levels].
+    """
+    return for_noise(for_blur(for_lens(detector, lens), blur_px), noise_grey)
+
+
 class PupilDetector(RefiningDetector):
     """An AprilTag 3 detector by way of pupil-apriltags.
 
@@ -194,7 +216,7 @@ def default_search_detector(family: str = "tag36h11") -> Detector:
 DETECTORS: ExtensionPoint[Detector] = ExtensionPoint(
     {"pupil": PupilDetector, "pyapriltags": PyAprilTagsDetector, "aruco": ArucoDetector},
     methods={"detect": checked_tags},
-    optional=dict.fromkeys(("for_large_tags", "for_lens", "for_noise"), of_the_same_kind),
+    optional=dict.fromkeys(("for_blur", "for_large_tags", "for_lens", "for_noise"), of_the_same_kind),
 )
 
 

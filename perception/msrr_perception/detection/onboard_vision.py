@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from msrr_perception.detection.detector import Detector, detector_for, detectors_by_size, for_lens, for_noise
+from msrr_perception.detection.detector import Detector, detector_for, detectors_by_size, for_camera
 from msrr_perception.detection.frame_reader import FrameReader
 from msrr_perception.detection.windows import (
     DEFAULT_POLICY,
@@ -77,7 +77,8 @@ class OnboardVision:
             raise SceneError("vision: full_every must be at least 1")
         self.target = target
         self._optic = optic_of(target.lens)
-        self.detector = for_noise(for_lens(detector, target.lens), target.corner_errors.noise_grey)
+        errors = target.corner_errors
+        self.detector = for_camera(detector, target.lens, errors.blur_px, errors.noise_grey)
         self._detectors = detectors_by_size(self.detector)
         self.policy = policy.for_family(target.tag_family)
         self._full_every = full_every

@@ -11,7 +11,7 @@ from msrr_perception.detection.detector import (
     default_search_detector,
     detector_for,
     detectors_by_size,
-    for_lens,
+    for_camera,
     for_noise,
 )
 from msrr_perception.detection.frame_reader import FrameReader
@@ -101,11 +101,11 @@ class OverheadVision:
         self.model = model
         self._optic = optic_of(model.lens)
         self._localizer = model.localizer()
-        noise_grey = model.corner_errors.noise_grey
-        self._detector = for_noise(for_lens(detector, model.lens), noise_grey)
+        errors = model.corner_errors
+        self._detector = for_camera(detector, model.lens, errors.blur_px, errors.noise_grey)
         self._detectors = detectors_by_size(self._detector)
         self._search_detector = search_detector or for_noise(
-            default_search_detector(model.tag_family.name), noise_grey
+            default_search_detector(model.tag_family.name), errors.noise_grey
         )
         self._policy = policy.for_family(model.tag_family)
         self._standing_every = standing_every

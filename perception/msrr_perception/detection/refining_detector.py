@@ -73,7 +73,7 @@ class RefiningDetector(ABC):
         self.max_hamming = FAMILIES[family].corrected_bits if max_hamming is None else max_hamming
         self.min_decision_margin = min_decision_margin
         self.refine = refine
-        self._optic = NO_LENS
+        self._optic, self._blur_px = NO_LENS, 0.0
 
     @abstractmethod
     def find(self, pixels: Pixels) -> list[TagDetection]:
@@ -84,6 +84,12 @@ class RefiningDetector(ABC):
         behind = copy(self)
         behind._optic = optic_of(lens)
         return behind
+
+    def for_blur(self, blur_px: float) -> Self:
+        """Return a detector that knows how a lens blurs the edges along which it refines corners."""
+        blurred = copy(self)
+        blurred._blur_px = blur_px
+        return blurred
 
     def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
         """Return the tags of one window; see :meth:`msrr_perception.detection.detector.Detector.detect`."""
@@ -106,7 +112,7 @@ class RefiningDetector(ABC):
         if own.distorts:
             own = own._replace(cx=own.cx - window.x, cy=own.cy - window.y)
         shown = np.invert(pixels) if FAMILIES[self.family].white_inside else pixels
-        refined = refine_corners(shown, np.array([t.corners for t in found]), own)
+        refined = refine_corners(shown, np.array([t.corners for t in found]), own, self._blur_px)
         moved = zip(found, refined.corners + offset, refined.measured, refined.sigma_px, strict=True)
         return tuple(
             TagDetection(tag.tag_id, corners, tag.decision_margin, tag.hamming, sigma)

@@ -21,9 +21,13 @@ SAMPLING_PX, SMOOTH_PX = 0.032, 0.75
 SHORT_PX = 1.8
 
 #: Error of a cross section because what lies beyond the borders of the tag is blurred into it: deviation
-#: at a length of zero [px], how it falls with the half-length by the blur, and the blur by pixels and by
-#: interpolation [px].
-BORDER_PX, BORDER_FALL, PIXEL_BLUR_PX = 0.9, 1.55, 0.45
+#: at a length of zero [px], and how it falls with the half-length by the blur. First as it is where the blur
+#: of the lens is not known, then what is left of it where that light is subtracted, at the tags of a port.
+_UNKNOWN_BORDER_PX, _UNKNOWN_BORDER_FALL = 0.9, 1.55
+BORDER_PX, BORDER_FALL = 0.25, 1.2
+
+#: Blur by pixels and by interpolation [px].
+PIXEL_BLUR_PX = 0.45
 
 #: Variance of a line by that of its residuals: levels and slope of the light are measured by the same pixels.
 #: On tags of 45 to 120 px with a noise of 8 grey levels it was 1.2 to 1.6.
@@ -50,7 +54,7 @@ def edge_blur(overlap: float, reach: float) -> float:
 
 
 @inlined
-def section_variance(residual: float, overlap: float, reach: float, apart: float) -> float:
+def section_variance(residual: float, overlap: float, reach: float, apart: float, blur_px: float) -> float:
     """Return the variance of a cross section of an edge, of which the line is fitted to many [px^2].
 
     Args:
@@ -58,11 +62,15 @@ def section_variance(residual: float, overlap: float, reach: float, apart: float
         overlap: Integral over a section of the share of white times that of black [px].
         reach: Half-length of a section [px].
         apart: Distance of two cross sections [px].
+        blur_px: Standard deviation of the lens blur [px]; 0 if it is not known.
     """
     blur = max(edge_blur(overlap, reach), 0.1)
     lens = max(blur * blur - PIXEL_BLUR_PX * PIXEL_BLUR_PX, 0.0)
     short = max(SHORT_PX / reach, 1.0) ** 3
     sampling = short * SAMPLING_PX / (1.0 + lens / (SMOOTH_PX * SMOOTH_PX))
-    border = BORDER_PX * math.exp(-BORDER_FALL * reach / blur)
+    if blur_px > 0.0:
+        border = BORDER_PX * math.exp(-BORDER_FALL * reach / blur)
+    else:
+        border = _UNKNOWN_BORDER_PX * math.exp(-_UNKNOWN_BORDER_FALL * reach / blur)
     noise = _SAME_PIXELS * max(_APART_PX / apart, 1.0) * residual
     return noise + sampling * sampling + border * border

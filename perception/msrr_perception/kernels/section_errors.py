@@ -27,6 +27,7 @@ from msrr_perception.kernels.edges import (
     REACH_MODULES,
     TAG_MODULES,
 )
+from msrr_perception.kernels.neighbours import blur_of, gain_of
 from msrr_scenes.arrays import Array
 
 #: Variance of the mean of a cross section per pixel of its length, by that of a pixel: interpolation between
@@ -37,8 +38,8 @@ _INTERPOLATION = 0.57
 SURE = 4.0
 
 #: Share of the variance by what lies beyond the borders of a tag that an edge has all along an approach; the
-#: rest changes with the view. Measured on rendered frames of tags of 14 to 48 px, with 0.4 to 1 px of blur.
-BORDER_SHARE = 0.5
+#: rest changes with the view. Measured on rendered frames of tags of 15 to 60 px, with 0.8 to 1.5 px of blur.
+BORDER_SHARE = 0.4
 
 #: Standard deviation of a corner that no model of edges has [px]: of pixels that are not square by their
 #: fill, of plates that are not flat.
@@ -69,9 +70,17 @@ def reach_px(edge_px: float) -> float:
     return min(max(REACH_MODULES * edge_px / TAG_MODULES, LEAST_REACH_PX), GREATEST_REACH_PX)
 
 
-def frame_px(noise_grey: float, contrast: float, reach: float) -> float:
-    """Return the standard deviation of a cross section that is drawn anew in every frame [px]."""
-    return noise_grey * math.sqrt(2.0 * _INTERPOLATION * reach) / contrast
+def frame_px(noise_grey: float, contrast: float, reach: float, gain: float) -> float:
+    """Return the standard deviation of a cross section that is drawn anew in every frame [px].
+
+    Args:
+        noise_grey: Standard deviation of a pixel [grey levels].
+        contrast: Contrast between black and white [grey levels].
+        reach: Half-length of the section [px].
+        gain: Share of the shift of an edge that the section shows; see
+            :func:`msrr_perception.kernels.neighbours.gain_of`.
+    """
+    return noise_grey * math.sqrt(2.0 * _INTERPOLATION * reach) / (contrast * gain)
 
 
 def sampling_px(blur_px: float, reach: float) -> float:
@@ -85,6 +94,7 @@ def border_px(blur_px: float, reach: float) -> float:
     return BORDER_PX * math.exp(-BORDER_FALL * reach / math.hypot(blur_px, PIXEL_BLUR_PX))
 
 
+_blur_of, _gain_of = inlined(blur_of), inlined(gain_of)
 _reach_px, _frame_px = inlined(reach_px), inlined(frame_px)
 _sampling_px, _border_px = inlined(sampling_px), inlined(border_px)
 
@@ -110,8 +120,10 @@ def variances_of_corners(corners: Array, sigma_px: Array, sheet: DataSheet, scal
             continue
         c = corners[t]
         area = 0.5 * abs((c[4] - c[0]) * (c[7] - c[3]) - (c[5] - c[1]) * (c[6] - c[2]))
-        reach = _reach_px(math.sqrt(max(area, 1.0)))
-        by_frame = _frame_px(sheet.noise_grey, sheet.contrast, reach) ** 2
+        edge = math.sqrt(max(area, 1.0))
+        reach = _reach_px(edge)
+        gain = _gain_of(_blur_of(sheet.blur_px, edge / TAG_MODULES), reach)
+        by_frame = _frame_px(sheet.noise_grey, sheet.contrast, reach, gain) ** 2
         by_place, by_border = _sampling_px(sheet.blur_px, reach) ** 2, _border_px(sheet.blur_px, reach) ** 2
         noise[t] = scale * by_frame
         place[t] = scale * by_place

@@ -12,8 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_perception.kernels.edges import BY_OFFSET, BY_SECTION, BY_SLOPE
-from msrr_perception.kernels.section_errors import SURE, border_px, frame_px, reach_px, sampling_px
+from msrr_perception.kernels.edges import BY_OFFSET, BY_SECTION, BY_SLOPE, TAG_MODULES
+from msrr_perception.kernels.neighbours import blur_of, gain_of
+from msrr_perception.kernels.section_errors import (
+    SURE,
+    border_px,
+    frame_px,
+    reach_px,
+    sampling_px,
+)
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.sensors import CameraSpec
 
@@ -51,7 +58,9 @@ class CornerErrors:
         Args:
             edge_px: Length of the edges of the tag in the image [px].
         """
-        return frame_px(self.noise_grey, self.contrast, reach_px(edge_px))
+        reach = reach_px(edge_px)
+        gain = gain_of(blur_of(self.blur_px, edge_px / TAG_MODULES), reach)
+        return frame_px(self.noise_grey, self.contrast, reach, gain)
 
     def lasting_px(self, edge_px: float) -> float:
         """Return the standard deviation that stays the same in all frames of a tag that stands still [px].

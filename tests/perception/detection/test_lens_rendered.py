@@ -13,7 +13,7 @@ from msrr_bullet.bench.renderer_scenes import facing_units
 from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.simulation.world import BulletWorld
-from msrr_perception.detection.detector import PupilDetector, for_lens
+from msrr_perception.detection.detector import PupilDetector, for_blur, for_lens
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.geometry.pinhole import Window
@@ -38,7 +38,13 @@ def world() -> Iterator[tuple[Scene, BulletWorld]]:
 
 
 def errors(
-    scene: Scene, world: BulletWorld, told: dict[str, float], count: int, aware: bool = True
+    scene: Scene,
+    world: BulletWorld,
+    told: dict[str, float],
+    count: int,
+    aware: bool = True,
+    blur_px: float = 0.4,
+    tell_blur: bool = True,
 ) -> np.ndarray:
     """Return the errors of all corners that are found in ``count`` views, shape (N, 2) [px].
 
@@ -48,14 +54,17 @@ def errors(
         told: Coefficients of the lens, which the camera has.
         count: Number of views.
         aware: Whether the detector knows the lens.
+        blur_px: Standard deviation of the blur of the lens [px].
+        tell_blur: Whether the detector is told the blur.
     """
     calibration = CalibrationSpec(fx_px=417.0, fy_px=413.0, cx_px=326.0, cy_px=234.0, **told)
-    spec = CameraSpec(calibration=calibration)
+    spec = CameraSpec(calibration=calibration, blur_px=blur_px)
     target = TargetModel.from_scene(scene, scene.docks[0])
     renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
     K = np.array([[417.0, 0.0, 326.0], [0.0, 413.0, 234.0], [0.0, 0.0, 1.0]])
     coefficients = np.array([told.get(key, 0.0) for key in COEFFICIENTS])
-    detector = for_lens(PupilDetector(), spec.lens) if aware else PupilDetector()
+    detector = for_blur(PupilDetector(), blur_px) if tell_blur else PupilDetector()
+    detector = for_lens(detector, spec.lens) if aware else detector
     rng, X_WC, found = stream(5, "test/lens"), SE3(), []
     camera = Camera(target.camera_name, spec, renderer, lambda: X_WC, 0)
     X_WD = world.pose("b") @ scene.geometry("b").dock_frame("rear")
@@ -98,3 +107,19 @@ def test_corners_are_where_opencv_projects_them(
     straight = float(np.quantile(np.abs(errors(*world, told, count, aware=False)), 0.95))
     print(f"\n{count} views: 95 % within {bound:.3f} px, {straight:.3f} px without knowledge of the lens")
     assert bound < 0.05 < straight
+
+
+@pytest.mark.parametrize("told", [BARREL, PINCUSHION], ids=["barrel", "pincushion"])
+def test_light_of_neighbours_is_subtracted_behind_a_lens(
+    world: tuple[Scene, BulletWorld], told: dict[str, float]
+) -> None:
+    """With the blur of the grade ``workshop`` 95 % of the coordinates within 0.11 px; measured were 0.09.
+
+    A detector that is not told of the blur is worse than the bound: 0.17 and 0.14 px.
+    """
+    known, unknown = (
+        float(np.quantile(np.abs(errors(*world, told, 40, blur_px=1.131, tell_blur=tell)), 0.95))
+        for tell in (True, False)
+    )
+    print(f"\n95 % within {known:.3f} px, {unknown:.3f} px without knowledge of the blur")
+    assert known < 0.11 < unknown

@@ -42,31 +42,42 @@ def seen(picture: Pixels, blur_px: float, noise_grey: float, rng: np.random.Gene
     return np.clip(np.rint(10.0 + 0.8 * blurred + noise), 0, 255).astype(np.uint8)
 
 
-def normalised(size_px: float, views: int, plate: Plate, warp: Warp) -> dict[tuple[float, float], float]:
-    """Return the RMS of the errors by their deviations, by blur [px] and noise [grey levels]."""
+def normalised(
+    size_px: float, views: int, plate: Plate, warp: Warp, told: bool
+) -> dict[tuple[float, float], float]:
+    """Return the RMS of errors by their deviations, by blur [px] and noise [grey levels]."""
     rng, errors = np.random.default_rng(3), {(b, n): [] for b in (0.65, 1.0) for n in (2.0, 8.0)}
     for square, picture in drawn(size_px, views, plate, warp):
         guess = square + rng.normal(0.0, 0.2, (4, 2))
         for (blur, noise), found in errors.items():
-            refined = refine_corners(seen(picture, blur, noise, rng), guess[None])
+            refined = refine_corners(
+                seen(picture, blur, noise, rng), guess[None], blur_px=blur if told else 0.0
+            )
             if refined.measured[0]:
                 found.append((refined.corners[0] - square) / refined.sigma_px[0][:, None])
     assert all(len(found) >= 0.9 * views for found in errors.values())
     return {key: float(np.sqrt(np.mean(np.square(found)))) for key, found in errors.items()}
 
 
+@pytest.mark.parametrize("told", [False, True])
 @pytest.mark.parametrize("size_px", [20.0, 60.0])
-def test_errors_are_as_large_as_stated(size_px: float, plate: Plate, warp: Warp) -> None:
-    """Over 60 views it is 0.5 to 1.1. Twelve have some 50 independent errors: a tenth of it is chance."""
-    assert all(0.3 < rms < 1.6 for rms in normalised(size_px, 12, plate, warp).values())
+def test_errors_are_as_large_as_stated(size_px: float, told: bool, plate: Plate, warp: Warp) -> None:
+    """Over 60 views it is 0.4 to 1.2. Twelve have some 50 independent errors: a tenth of it is chance."""
+    assert all(0.3 < rms < 1.6 for rms in normalised(size_px, 12, plate, warp, told).values())
 
 
 @pytest.mark.nightly
+@pytest.mark.parametrize("told", [False, True])
 @pytest.mark.parametrize("size_px", [15.0, 20.0, 30.0, 45.0, 70.0, 120.0])
-def test_errors_are_as_large_as_stated_at_all_sizes(size_px: float, plate: Plate, warp: Warp) -> None:
-    """Of 60 views, with some 240 independent errors, the RMS strays by 5 %; measured 0.47 to 1.16."""
-    found = normalised(size_px, 60, plate, warp)
-    print(f"\n{size_px:g} px:", *(f"{rms:.2f} at blur {b}, noise {n:g};" for (b, n), rms in found.items()))
+def test_errors_are_as_large_as_stated_at_all_sizes(
+    size_px: float, told: bool, plate: Plate, warp: Warp
+) -> None:
+    """Of 60 views, with some 240 independent errors, the RMS strays by 5 %; measured 0.44 to 1.24."""
+    found = normalised(size_px, 60, plate, warp, told)
+    print(
+        f"\n{size_px:g} px, {told=}:",
+        *(f"{rms:.2f} at blur {b}, noise {n:g};" for (b, n), rms in found.items()),
+    )
     assert all(0.4 < rms < 1.4 for rms in found.values())
 
 
