@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -50,6 +50,7 @@ def _scene(
     start: SE2,
     target: SE2,
     others: Mapping[str, SE2],
+    numbers: Sequence[int],
 ) -> Scene:
     def pose(X: SE2) -> dict[str, float]:
         return {"x_m": X.x, "y_m": X.y, "yaw_deg": 57.29577951308232 * X.yaw}
@@ -59,9 +60,10 @@ def _scene(
             "name": "arena",
             "plant": plant,
             "units": {
-                "a": {"number": 0, "pose": pose(start)},
-                "b": {"number": 1, "pose": pose(target)},
-                **{name: {"number": 2 + i, "pose": pose(X)} for i, (name, X) in enumerate(others.items())},
+                name: {"number": number, "pose": pose(X)}
+                for number, (name, X) in zip(
+                    numbers, {"a": start, "b": target, **others}.items(), strict=False
+                )
             },
             "obstacles": obstacles,
             "cameras": {"overhead": {"samples": 1, **overhead}},
@@ -148,6 +150,7 @@ def open_arena() -> Iterator[OpenArena]:
             start: SE2 | None = None,
             target: SE2 | None = None,
             others: Mapping[str, SE2] | None = None,
+            numbers: Sequence[int] = range(50),
         ) -> Arena:
             scene = _scene(
                 overhead or {},
@@ -156,6 +159,7 @@ def open_arena() -> Iterator[OpenArena]:
                 start or SE2(-1.0, -0.5),
                 target or SE2(1.1, 0.0, math.radians(20.0)),
                 others or {},
+                numbers,
             )
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
             placement = draw_placement(scene, lambda name: stream(seed, name))
