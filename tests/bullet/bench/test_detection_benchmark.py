@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 from rich.console import Console
@@ -11,6 +12,9 @@ from msrr_bullet.bench.detection_benchmark import DetectionBenchmark, benchmark_
 from msrr_bullet.bench.detector_settings import OURS
 from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import BAD_INPUT
+from tests.conftest import load_script
+
+DOCS = Path(__file__).resolve().parents[3] / "docs"
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +32,17 @@ def test_every_case_has_all_settings(report: DetectionBenchmark) -> None:
     for case, exposures in zip(report.cases, (7, 7, 4, 4), strict=True):
         assert {row.exposures for row in case.rows} == {exposures}
         assert case.row(OURS).ms > 0.0
+
+
+@pytest.mark.nightly
+def test_the_page_shows_every_setting(report: DetectionBenchmark) -> None:
+    """pyapriltags is compared only where it is installed; the page has it."""
+    script = load_script(DOCS / "make_detection.py")
+    stored = script.PAGE.read_text()
+    made = script.page(stored, report)
+    shown, named = ([line.split(" | ")[0] for line in page.splitlines()] for page in (made, stored))
+    optional = "| ... pyapriltags"
+    assert [line for line in shown if line != optional] == [line for line in named if line != optional]
 
 
 @pytest.mark.nightly
