@@ -3,7 +3,8 @@
 python docs/make_results.py            runs every sweep of the page, an hour on two cores
 python docs/make_results.py blocked    runs those whose commands contain one of these words
 
-What is stored in ``runs/sweeps.sqlite`` by the same code is not run again.
+What is stored in ``runs/sweeps.sqlite`` by the same code is not run again. Every row names the code it was run with,
+by the last commit that changed it.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,7 +22,11 @@ from msrr_bullet.statistics import Quantiles
 from msrr_bullet.sweep.summary import StepFigures, SweepSummary
 from msrr_scenes.outcome import Outcome
 
-PAGE = Path(__file__).resolve().parent / "results" / "results.md"
+ROOT = Path(__file__).resolve().parents[1]
+PAGE = ROOT / "docs" / "results" / "results.md"
+
+#: What the figures can depend on.
+CODE = ("msrr_bullet", "perception", "control", "scenes", "urdf", "pyproject.toml", "constraints.txt")
 
 #: Ends of which the page says that no trial has them.
 NEVER = (Outcome.COLLISION, Outcome.CLEARANCE_VIOLATED, Outcome.FALSE_DOCK, Outcome.FALSE_ABORT)
@@ -123,6 +129,24 @@ def _parallel(summary: SweepSummary) -> str:
     return "-" if median is None else f"{median:.0f} %"
 
 
+@cache
+def commit() -> str:
+    """Return the last commit that changed the code.
+
+    Raises:
+        SystemExit: The code has changes that are not committed.
+    """
+    changed = _git("status", "--porcelain", "--", *CODE)
+    if changed:
+        raise SystemExit(f"commit these changes first, so that the page can name the code:\n{changed}")
+    return _git("log", "-1", "--format=%h", "--abbrev=8", "--", *CODE)
+
+
+def _git(*words: str) -> str:
+    done = subprocess.run(["git", *words], cwd=ROOT, stdout=subprocess.PIPE, check=True, text=True)
+    return done.stdout.strip()
+
+
 #: What the columns of figures say, by their heading; other columns are the writer's.
 FIGURES: dict[str, Callable[[SweepSummary], str]] = {
     "ends": ends,
@@ -132,6 +156,7 @@ FIGURES: dict[str, Callable[[SweepSummary], str]] = {
     "closest, m": _closest,
     "last lock, median": _last_lock,
     "two or more under way": _parallel,
+    "code": lambda _: f"`{commit()}`",
 }
 
 
@@ -147,6 +172,7 @@ def swept(command: str) -> SweepSummary:
 def main() -> str | None:
     """Run the sweeps, and write their figures into the page after each of them."""
     wrong = []
+    commit()
     for row in rows(PAGE.read_text()):
         if sys.argv[1:] and not any(word in row.command for word in sys.argv[1:]):
             continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -37,6 +38,7 @@ def test_every_sweep_of_the_page_can_be_run_and_every_table_has_figures(script: 
         assert "ends" in row.columns, row.command
         assert len(row.cells) == len(row.columns), row.command
         assert set(row.columns) <= {"", "command", "eight units build", "what happens", *script.FIGURES}
+        assert re.fullmatch("-|`[0-9a-f]{8}`", row.cells[row.columns.index("code")]), row.command
         _, _, scene, *words = shlex.split(row.command)
         given: dict[str, list[str]] = {"--seeds": [], "--set": []}
         for option, value in zip(words[::2], words[1::2], strict=True):
