@@ -3,8 +3,8 @@
 python docs/make_results.py            runs every sweep of the page, an hour on two cores
 python docs/make_results.py blocked    runs those whose commands contain one of these words
 
-What is stored in ``runs/sweeps.sqlite`` by the same code is not run again. Every row names the code it was run with,
-by the last commit that changed it.
+What is stored in ``runs/sweeps.sqlite`` by the same code is not run again. Every row names the code that it
+was run with, by the last commit that changed it.
 """
 
 from __future__ import annotations
