@@ -16,6 +16,10 @@ if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
     from msrr_bullet.recordings.perceiver import Instant
     from msrr_bullet.recordings.result import RecordingResult, Sigma
 
+#: Number of messages about frames that are printed one by one. A film of another size than the calibration
+#: has one for each of its frames.
+_PRINTED = 10
+
 
 def perceive(
     recording: Annotated[
@@ -64,13 +68,16 @@ def perceive(
 
     told = None if calibration is None else read_calibration(calibration)
     console = open_console()
+    messages: list[str] = []
     with status_line(console, str(recording)) as show:
 
         def observe(instant: Instant) -> None:
             show(f"{recording}: {1e-9 * instant.stamp_ns:.1f} s")
 
         def report(text: str) -> None:
-            report_error(text, BAD_INPUT)
+            messages.append(text)
+            if len(messages) <= _PRINTED:
+                report_error(text, BAD_INPUT)
 
         result = perceive(
             recording,
@@ -80,10 +87,20 @@ def perceive(
             report=report,
             observer=observe,
         )
+    for text in _rest(messages):
+        report_error(text, BAD_INPUT)
     for line in _lines(result):
         typer.echo(line)
     typer.echo(f"{out}: trial.mcap, result.json, replay.html, picture.png")
     raise typer.Exit(BAD_INPUT if result.unusable or result.cut_off else 0)
+
+
+def _rest(messages: list[str]) -> list[str]:
+    """Return what is printed of the messages after the first ones: their number, and the last one."""
+    rest = messages[_PRINTED:]
+    if len(rest) < 2:
+        return rest
+    return [f"{counted(len(rest) - 1, 'more message')}; the log has all of them as events", rest[-1]]
 
 
 def _lines(result: RecordingResult) -> list[str]:
@@ -107,6 +124,8 @@ def _lines(result: RecordingResult) -> list[str]:
 
 def _why_none(result: RecordingResult) -> str:
     """Return why there is no estimate, and what to do about it."""
+    if result.unusable == result.frames:
+        return "no frame could be used"
     if result.with_target:
         return "nowhere did tags of the target determine a pose"
     wanted = ", ".join(map(str, result.target_tags))

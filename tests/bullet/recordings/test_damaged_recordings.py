@@ -84,6 +84,23 @@ def test_good_pictures_are_used_and_others_named(
     assert len(list(log.messages(PoseEstimate))) == result["estimates"] >= 5
 
 
+def test_many_pictures_of_another_size_are_not_named_one_by_one(
+    trial: Trial, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "small"
+    folder.mkdir()
+    for i in range(13):
+        (folder / f"{i:02d}.png").write_bytes(png(np.zeros((48, 64), np.uint8)))
+    assert run(_arguments(folder, trial, tmp_path / "out")) == 2
+    printed = capsys.readouterr()
+    messages = printed.err.strip().splitlines()
+    size = "64 x 48 px, and the calibration is of pictures of 640 x 480 px"
+    named = [f"msrr: {folder / f'{i:02d}.png'}: {size}" for i in (*range(10), 12)]
+    assert messages == [*named[:10], "msrr: 2 more messages; the log has all of them as events", named[10]]
+    assert "no estimate: no frame could be used" in printed.out
+    assert len(list(read_log(tmp_path / "out").messages(Event))) == 13
+
+
 @pytest.mark.nightly
 def test_the_command_runs_without_the_simulator(trial: Trial, pictures: Path, tmp_path: Path) -> None:
     """The whole command, in a process that cannot import PyBullet; by day imports alone are tried so."""
