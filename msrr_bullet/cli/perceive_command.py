@@ -116,8 +116,8 @@ def _lines(result: RecordingResult) -> list[str]:
     x, y, yaw = result.last_pose
     lines.append(
         f"{result.estimates} of {result.instants} instants with an estimate, ± {_text(result.median_sigma)} "
-        f"(median); the last: x {x:.4f} m, y {y:.4f} m, yaw {math.degrees(yaw):.2f} deg "
-        f"± {_text(result.last_sigma)}"
+        f"(median); the last, {result.last_unseen_s:.2f} s after the target was seen: "
+        f"x {x:.4f} m, y {y:.4f} m, yaw {math.degrees(yaw):.2f} deg ± {_text(result.last_sigma)}"
     )
     return lines
 

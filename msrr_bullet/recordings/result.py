@@ -49,6 +49,7 @@ class RecordingResult(BaseModel, frozen=True):
         median_sigma: Median of the standard deviations of all estimates; None without one.
         last_pose: Last estimate in the dock frame: x, y [m], yaw [rad]; None without one.
         last_sigma: Its standard deviations.
+        last_unseen_s: Its time since the last frame that the filter used [s].
         versions: Installed versions.
     """
 
@@ -70,6 +71,7 @@ class RecordingResult(BaseModel, frozen=True):
     median_sigma: Sigma | None
     last_pose: tuple[float, float, float] | None
     last_sigma: Sigma | None
+    last_unseen_s: float | None
     versions: dict[str, str] = Field(default_factory=trial_versions)
 
     def to_json(self) -> str:
@@ -147,6 +149,7 @@ class Tally:
             median_sigma=middle,
             last_pose=None if last is None else (last.X_DU.x, last.X_DU.y, last.X_DU.yaw),
             last_sigma=None if last is None else sigmas[-1],
+            last_unseen_s=None if last is None else seconds(last.stamp_ns - last.last_seen_ns),
         )
 
 

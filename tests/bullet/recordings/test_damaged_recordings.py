@@ -63,7 +63,8 @@ def test_good_pictures_are_used_and_others_named(
 ) -> None:
     out = tmp_path / "out"
     assert run(_arguments(pictures, trial, out)) == 2
-    messages = capsys.readouterr().err.strip().splitlines()
+    printed = capsys.readouterr()
+    messages = printed.err.strip().splitlines()
     assert [line.split("/")[-1].split(":")[0] for line in messages] == ["5.png", "6.png", "7.pgm", "8.png"]
     assert "320 x 480 px, and the calibration is of pictures of 640 x 480 px" in messages[-1]
     result = json.loads((out / "result.json").read_text())
@@ -81,7 +82,11 @@ def test_good_pictures_are_used_and_others_named(
         replay(out)
     assert len(list(log.messages(Event))) == 4
     assert not list(log.messages(TruePose))  # nobody knows the truth, and nothing claims it
-    assert len(list(log.messages(PoseEstimate))) == result["estimates"] >= 5
+    estimates = [estimate for _, estimate in log.messages(PoseEstimate)]
+    assert len(estimates) == result["estimates"] >= 5
+    unseen_s = 1e-9 * (estimates[-1].stamp_ns - estimates[-1].last_seen_ns)
+    assert result["last_unseen_s"] == pytest.approx(unseen_s, abs=1e-9)
+    assert f"the last, {unseen_s:.2f} s after the target was seen: x " in printed.out
 
 
 def test_many_pictures_of_another_size_are_not_named_one_by_one(
