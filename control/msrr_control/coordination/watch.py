@@ -77,11 +77,15 @@ class Watch:
         self._quiet_ns = now_ns
 
     def nobody_moves(self, units: Iterable[UnitRecord], now_ns: int) -> bool:
-        """Return whether nobody has made progress for too long, other than for want of radio."""
+        """Return whether nobody has made progress for too long, other than for want of radio.
+
+        A unit that backs off from a port to try again makes no progress, but says that it moves.
+        """
         under_way = [unit for unit in units if unit.under_way]
         silent = any(seconds(now_ns - unit.heard_ns) > self._patience.silent_s for unit in under_way)
         free = any(unit.limit > unit.progress + SAME_M for unit in under_way)
-        if silent or free or not under_way:
+        moves = any(unit.report is not None and unit.report.stopping for unit in under_way)
+        if silent or free or moves or not under_way:
             self._quiet_ns = now_ns
         moved = max((unit.moved_ns for unit in under_way), default=now_ns)
         return seconds(now_ns - max(self._quiet_ns, moved)) > self._patience.stalled_s

@@ -51,6 +51,7 @@ SPEED = {
 }
 ACCELERATION, DECELERATION = 0.147, 0.8 * LIMITS.a_max_mps2
 LOCK_S, UNLOCK_S, SEIZED_S, UNSEEN_S = 2.0, 1.0, 5.0, 10.0
+RETREAT_M = 0.5
 CAMERA_NS = 100_000_000
 
 
@@ -76,7 +77,8 @@ class ToyUnit:
 
     On its first ``held_routes`` routes the monitor holds it ``held_m`` before the end of the leg on a path.
     When it sets off its wheels slip by ``slips_m``, which it does not know. Between two times
-    ``hidden_s`` nobody sees it; it stands, and after 10 s it says on its route that it is lost.
+    ``hidden_s`` nobody sees it; it stands, and after 10 s it says on its route that it is lost. The first
+    ``misses`` of its attempts to lock fail: it backs off along the lane of the port and comes again.
     """
 
     name: str
@@ -89,11 +91,13 @@ class ToyUnit:
     held_m: float = 0.5
     slips_m: float = 0.0
     hidden_s: tuple[float, float] = (math.inf, math.inf)
+    misses: int = 0
     progress: float = 0.0
     speed: float = 0.0
     route: int = 0
     track: Track | None = None
     waited_s: float = 0.0
+    again_s: float = 0.0  # time until it is back at the port after an attempt that failed
     dead_s: float | None = None
     mode: UnitMode = UnitMode.STANDING
     authority: MovementAuthority = field(default_factory=lambda: MovementAuthority(LIMITS, TICK_NS * 1e-9))
@@ -184,9 +188,24 @@ class ToyUnit:
             UnitMode.STANDING if self.speed == 0.0 else UnitMode.DOCKING if docks else UnitMode.DRIVING
         )
         if docks and self.progress >= self.track.length - 1e-6:
-            self.waited_s, self.mode = self.waited_s + dt, UnitMode.DOCKING
-            if self.waited_s >= LOCK_S:
-                self.holder, self.mode = newest.to, UnitMode.DOCKED
+            self._lock(newest.to, dt)
+
+    def _lock(self, port: str | None, dt: float) -> None:
+        """Lock at the end of the track, or go back a way and come again if the attempt fails."""
+        assert self.track is not None
+        self.mode, speed = UnitMode.DOCKING, SPEED[LegKind.DOCK]
+        if self.again_s > 0.0:
+            self.again_s = max(self.again_s - dt, 0.0)
+            self.speed, gone_s = speed, 2.0 * RETREAT_M / speed - self.again_s
+            self.X_WU = self.track.at(self.track.length - speed * min(self.again_s, gone_s))
+            return
+        self.waited_s += dt
+        if self.waited_s < LOCK_S:
+            return
+        if self.misses:
+            self.misses, self.waited_s, self.again_s = self.misses - 1, 0.0, 2.0 * RETREAT_M / speed
+        else:
+            self.holder, self.mode = port, UnitMode.DOCKED
 
     def report(self, now_ns: int) -> UnitReport:
         newest = self.authority.newest
@@ -200,6 +219,7 @@ class ToyUnit:
             self.progress,
             mode,
             self.holder,
+            stopping=(tuple(self.X_WU.as_array().tolist()),) if self.speed > 0.0 else (),
             reason="seized" * (self.dead_s is not None),
         )
 

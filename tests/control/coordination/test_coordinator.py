@@ -99,6 +99,22 @@ def test_a_unit_that_its_collision_monitor_holds_gets_another_route(rig: type[Ri
         assert status.replans > 0
 
 
+@pytest.mark.parametrize("pattern", ["line", "comb"])
+def test_nobody_is_sent_away_while_a_unit_tries_again_to_dock(
+    pattern: Pattern, rig: type[Rig], starts: Starts
+) -> None:
+    """A retreat is longer than anybody waits without progress, yet the unit moves: all keep their routes."""
+    shape = build_pattern(pattern, 5)
+    run = rig(Mission(shape=shape), starts(4, 5))
+    for unit in run.units.values():
+        unit.misses = 2
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.is_built(shape)
+    assert sum(unit.misses for unit in run.units.values()) == 2, "the root docks to nobody"
+    assert status.replans == 0
+
+
 def test_a_unit_that_is_held_on_every_route_fails_in_the_end(rig: type[Rig], starts: Starts) -> None:
     run = rig(Mission(shape=build_pattern("cross", 5)), starts(1, 5))
     run.units["u2"].held_routes = 99
