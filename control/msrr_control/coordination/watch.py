@@ -46,7 +46,11 @@ class Watch:
         unheard = seconds(now_ns - max(unit.heard_ns, unit.granted_ns))
         if unheard > self._patience.unheard_s:
             return f"not heard for {unheard:.0f} s"
-        if unit.limit <= unit.progress + SAME_M or unheard > self._patience.silent_s:
+        # At the end of what it may drive a unit waits for others, but for nobody in its dock leg: there it is
+        # to lock, or to move because it tries again.
+        at_end = unit.limit <= unit.progress + SAME_M
+        idles = unit.in_dock_leg and unit.report is not None and not unit.report.stopping
+        if (at_end and not idles) or unheard > self._patience.silent_s:
             unit.patient_ns += now_ns - self._previous_ns
         # A unit that may drive into its dock leg can still be far away from it.
         docks = unit.track is not None and unit.progress >= unit.track.dock_start - SAME_M
@@ -79,13 +83,14 @@ class Watch:
     def nobody_moves(self, units: Iterable[UnitRecord], now_ns: int) -> bool:
         """Return whether nobody has made progress for too long, other than for want of radio.
 
-        A unit that backs off from a port to try again makes no progress, but says that it moves.
+        A unit in its dock leg, which was granted as a whole, waits for nobody: after an attempt that failed
+        it backs off, looks for the port and comes again, which is no progress beyond where it has been. It
+        docks, fails or is lost.
         """
         under_way = [unit for unit in units if unit.under_way]
         silent = any(seconds(now_ns - unit.heard_ns) > self._patience.silent_s for unit in under_way)
-        free = any(unit.limit > unit.progress + SAME_M for unit in under_way)
-        moves = any(unit.report is not None and unit.report.stopping for unit in under_way)
-        if silent or free or moves or not under_way:
+        free = any(unit.in_dock_leg or unit.limit > unit.progress + SAME_M for unit in under_way)
+        if silent or free or not under_way:
             self._quiet_ns = now_ns
         moved = max((unit.moved_ns for unit in under_way), default=now_ns)
         return seconds(now_ns - max(self._quiet_ns, moved)) > self._patience.stalled_s

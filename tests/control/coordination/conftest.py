@@ -78,7 +78,8 @@ class ToyUnit:
     On its first ``held_routes`` routes the monitor holds it ``held_m`` before the end of the leg on a path.
     When it sets off its wheels slip by ``slips_m``, which it does not know. Between two times
     ``hidden_s`` nobody sees it; it stands, and after 10 s it says on its route that it is lost. The first
-    ``misses`` of its attempts to lock fail: it backs off along the lane of the port and comes again.
+    ``misses`` of its attempts to lock fail: it backs off along the lane of the port, stands for ``looks_s``
+    to look for the port, and comes again.
     """
 
     name: str
@@ -92,6 +93,7 @@ class ToyUnit:
     slips_m: float = 0.0
     hidden_s: tuple[float, float] = (math.inf, math.inf)
     misses: int = 0
+    looks_s: float = 0.0
     progress: float = 0.0
     speed: float = 0.0
     route: int = 0
@@ -196,14 +198,17 @@ class ToyUnit:
         self.mode, speed = UnitMode.DOCKING, SPEED[LegKind.DOCK]
         if self.again_s > 0.0:
             self.again_s = max(self.again_s - dt, 0.0)
-            self.speed, gone_s = speed, 2.0 * RETREAT_M / speed - self.again_s
-            self.X_WU = self.track.at(self.track.length - speed * min(self.again_s, gone_s))
+            away_s, looked_s = RETREAT_M / speed, 2.0 * RETREAT_M / speed + self.looks_s - self.again_s
+            stands = away_s < self.again_s and away_s < looked_s
+            self.speed = 0.0 if stands else speed
+            self.X_WU = self.track.at(self.track.length - speed * min(self.again_s, looked_s, away_s))
             return
         self.waited_s += dt
         if self.waited_s < LOCK_S:
             return
         if self.misses:
-            self.misses, self.waited_s, self.again_s = self.misses - 1, 0.0, 2.0 * RETREAT_M / speed
+            self.misses, self.waited_s = self.misses - 1, 0.0
+            self.again_s = 2.0 * RETREAT_M / speed + self.looks_s
         else:
             self.holder, self.mode = port, UnitMode.DOCKED
 

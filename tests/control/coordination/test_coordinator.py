@@ -20,7 +20,8 @@ from msrr_control.coordination.shape import Shape, build_pattern
 from msrr_control.coordination.tasks import plan_tasks
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages.coordination import LegKind, MissionState, UnitState
+from msrr_scenes.messages.coordination import LegKind, MissionState, UnitMode, UnitState
+from msrr_scenes.specs.control import DockingSpec
 from msrr_scenes.specs.mission import Pattern, RadioSpec
 from msrr_scenes.specs.plan import DockStep, MoveStep, UndockStep
 from msrr_scenes.specs.spec import PoseSpec
@@ -99,20 +100,36 @@ def test_a_unit_that_its_collision_monitor_holds_gets_another_route(rig: type[Ri
         assert status.replans > 0
 
 
+@pytest.mark.parametrize("looks_s", [0.0, DockingSpec().search_time_s])
 @pytest.mark.parametrize("pattern", ["line", "comb"])
 def test_nobody_is_sent_away_while_a_unit_tries_again_to_dock(
-    pattern: Pattern, rig: type[Rig], starts: Starts
+    pattern: Pattern, looks_s: float, rig: type[Rig], starts: Starts
 ) -> None:
-    """A retreat is longer than anybody waits without progress, yet the unit moves: all keep their routes."""
+    """Neither while it backs off and comes again, nor while it stands and looks for the port before that."""
     shape = build_pattern(pattern, 5)
     run = rig(Mission(shape=shape), starts(4, 5))
     for unit in run.units.values():
-        unit.misses = 2
+        unit.misses, unit.looks_s = 2, looks_s
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
     assert run.is_built(shape)
     assert sum(unit.misses for unit in run.units.values()) == 2, "the root docks to nobody"
     assert status.replans == 0
+
+
+def test_a_unit_that_never_comes_again_to_its_port_is_replaced(rig: type[Rig], starts: Starts) -> None:
+    """It has been at the end of its route, stands for ever in its dock leg, and reports no failure."""
+    shape = build_pattern("line", 3)
+    run = rig(Mission(shape=shape), starts(4, 4))
+    while not (docking := [unit for unit in run.units.values() if unit.mode is UnitMode.DOCKING]):
+        run.step()
+    docking[0].misses, docking[0].looks_s = 1, 1e6
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.is_built(shape)
+    (failed,) = [unit for unit in status.units if unit.state is UnitState.FAILED]
+    assert failed.unit == docking[0].name
+    assert "in 150 s" in failed.reason
 
 
 def test_a_unit_that_is_held_on_every_route_fails_in_the_end(rig: type[Rig], starts: Starts) -> None:
