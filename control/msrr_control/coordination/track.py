@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from msrr_control.coordination.bodies import Body
+from msrr_control.coordination.precedence import compose
 from msrr_control.path_following.path import Path
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
@@ -75,6 +76,20 @@ class Track:
         share = min(max((s - float(self.s[k])) / span, 0.0), 1.0) if span > 0.0 else 1.0
         yaw = a[2] + share * wrap_angle(b[2] - a[2])
         return SE2(a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), yaw)
+
+    def docking_at(self, X_WE: SE2) -> Track:
+        """Return the same track with its dock leg bent so that it ends at ``X_WE``.
+
+        A unit closes in on the port as its own camera sees it, not on where the port was when the route was
+        planned. The bend grows from nothing, where the leg begins, to all of it at the port. The legs, which
+        the unit was sent, stay as they are.
+        """
+        way = self.length - self.dock_start
+        share = np.clip((self.s - self.dock_start) / way, 0.0, 1.0) if way > 0.0 else np.zeros_like(self.s)
+        end = self.end
+        moved = compose(X_WE @ end.inverse(), self.poses)
+        moved[:, 2] = self.poses[:, 2] + wrap_angle(X_WE.yaw - end.yaw)
+        return replace(self, poses=self.poses + share[:, None] * (moved - self.poses))
 
     def seen_progress(self, X_WU: SE2, low: float, high: float, off: float) -> float | None:
         """Return the arc length between ``low`` and ``high`` at which the track first passes a pose [m].

@@ -138,6 +138,15 @@ class ToyUnit:
             self.track = track_of(message.legs, self.X_WU, self.body.offset)
             assert self.track.length == pytest.approx(self.authority.length, abs=0.05)
 
+    def look_at(self, units: Mapping[str, ToyUnit]) -> None:
+        """Lead the dock leg to where the port is, which the unit sees with its own camera."""
+        newest = self.authority.newest
+        assert newest is not None
+        assert newest.to is not None
+        assert self.track is not None
+        holder, _, port = newest.to.partition(".")
+        self.track = self.track.docking_at(self.body.docked(units[holder].X_WU, port))
+
     @property
     def hidden(self) -> bool:
         return self.hidden_s[0] <= 1e-9 * self.now_ns < self.hidden_s[1]
@@ -274,6 +283,7 @@ class Rig:
     authorities: list[Authority] = field(default_factory=list)
     sight: bool = True
     noise: tuple[float, float] = (0.0, 0.0)  # of the overhead estimates [m], [rad]
+    noisy_s: float = math.inf  # time after which they have settled
 
     def __post_init__(self) -> None:
         body = self.knowledge.lanes.body
@@ -330,6 +340,8 @@ class Rig:
         period = round(1e9 / self.radio.rate_hz)
         for k, unit in enumerate(self.units.values()):
             was = unit.holder
+            if unit.leg is LegKind.DOCK and unit.progress > unit.authority.dock_start and not unit.holder:
+                unit.look_at(self.units)
             unit.step(self.now_ns)
             if unit.holder is not None and was is None:
                 self.last_lock_s = self.now_ns * 1e-9
@@ -344,7 +356,7 @@ class Rig:
                 self.coordinator.receive(message, self.now_ns)
         if self.now_ns % 100_000_000 == 0:
             bodies = [
-                GlobalPose(u.name, self.now_ns, u.X_WU, np.eye(3) * 1e-6)
+                GlobalPose(u.name, self.now_ns, self._seen(u.X_WU), np.eye(3) * 1e-6)
                 for u in self.units.values()
                 if not u.hidden
             ]
@@ -360,6 +372,12 @@ class Rig:
             self._granted[key] = message.limit
             self.authorities.append(message)
             self._radio.send(message.unit, message, self.now_ns)
+
+    def _seen(self, X_WU: SE2) -> SE2:
+        if self.now_ns > 1e9 * self.noisy_s:
+            return X_WU
+        x, y, yaw = self._rng.normal(0.0, 1.0, 3) * [self.noise[0], self.noise[0], self.noise[1]]
+        return SE2(X_WU.x + x, X_WU.y + y, X_WU.yaw + yaw)
 
     def _judge_knowledge(self) -> None:
         """Compare what is known with the truth: ground that a unit has still to drive on is not free yet."""

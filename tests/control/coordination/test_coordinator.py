@@ -117,6 +117,19 @@ def test_nobody_is_sent_away_while_a_unit_tries_again_to_dock(
     assert status.replans == 0
 
 
+@pytest.mark.parametrize(("pattern", "seed"), [("tee", 4), ("cross", 7), ("comb", 9)])
+def test_neighbours_dock_beside_each_other_where_both_stand_beside_their_plan(
+    pattern: Pattern, seed: int, rig: type[Rig], starts: Starts
+) -> None:
+    """Routes are planned from first looks, which err by centimetres; units dock to ports where these are."""
+    shape = build_pattern(pattern, 6)
+    run = rig(Mission(shape=shape), starts(seed, 6), seed=seed, noise=(0.012, 0.02), noisy_s=1.0)
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.is_built(shape)
+    assert status.replans == 0
+
+
 def test_a_unit_that_never_comes_again_to_its_port_is_replaced(rig: type[Rig], starts: Starts) -> None:
     """It has been at the end of its route, stands for ever in its dock leg, and reports no failure."""
     shape = build_pattern("line", 3)

@@ -98,6 +98,30 @@ def test_a_dock_leg_ends_in_the_port() -> None:
     assert builder.track().legs[-1].kind is LegKind.DOCK
 
 
+@pytest.mark.parametrize("X", [SE2(), SE2(0.01, -0.02, 0.03), SE2(-0.02, 0.01, -0.05), SE2(0.0, 0.0, 6.28)])
+def test_a_dock_leg_that_is_bent_ends_at_the_port_and_begins_where_it_began(X: SE2) -> None:
+    track = _example()
+    X_WE = track.end @ X
+    bent = track.docking_at(X_WE)
+    assert math.hypot(bent.end.x - X_WE.x, bent.end.y - X_WE.y) < 1e-12
+    assert abs(wrap_angle(bent.end.yaw - X_WE.yaw)) < 1e-12
+    assert bent.legs == track.legs
+    before = track.s <= track.dock_start
+    np.testing.assert_array_equal(bent.poses[before], track.poses[before])
+    share = (track.s[~before] - track.dock_start) / (track.length - track.dock_start)
+    moved = np.hypot(*(bent.poses - track.poses)[~before, :2].T)
+    most = math.hypot(X.x, X.y) + abs(wrap_angle(X.yaw)) * (track.length - track.s[~before])
+    assert np.all(moved <= share * most + 1e-12), "the bend does not begin with nothing"
+    np.testing.assert_allclose(bent.docking_at(track.end).end.as_array(), track.end.as_array(), atol=1e-12)
+
+
+def test_a_track_without_a_dock_leg_is_not_bent() -> None:
+    builder = TrackBuilder(SE2(0.2, -0.1, 0.5), OFFSET)
+    builder.ahead(0.5)
+    track = builder.track()
+    np.testing.assert_array_equal(track.docking_at(SE2(3.0, 2.0, 1.0)).poses, track.poses)
+
+
 def test_two_units_that_obey_never_come_too_near(knowledge: Knowledge) -> None:
     """Law: wherever both may be at once, and wherever the earlier one still goes, their bodies are apart."""
     rng, finder, body = np.random.default_rng(5), knowledge.finder, knowledge.lanes.body
