@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from msrr_scenes.errors import nearest
 from msrr_scenes.loading.assembly_checks import assembly_problems
@@ -130,16 +130,20 @@ def port_problems(scene: Scene) -> list[Problem]:
     """Return ports that do not exist or are of the wrong kind, and tag ids used twice."""
     problems: list[Problem] = []
 
-    def has(path: KeyPath, unit: str, port: str) -> bool:
+    def has(
+        path: KeyPath, unit: str, port: str, heading: str = "Ports", fitting: Sequence[str] | None = None
+    ) -> bool:
         ports = scene.geometry(unit).ports
         if port not in ports:
-            text = f"unit {unit!r} has no port {port!r}{nearest(port, ports)} Ports: {', '.join(ports)}"
+            known = ports if fitting is None else fitting
+            text = f"unit {unit!r} has no port {port!r}{nearest(port, known)} {heading}: {', '.join(known)}"
             problems.append(Problem(path, text))
         return port in ports
 
     def passive(path: KeyPath, unit: str, port: str) -> None:
         geometry = scene.geometry(unit)
-        if has(path, unit, port) and port not in geometry.passive_ports:
+        known = geometry.passive_ports
+        if has(path, unit, port, "Passive ports", known) and port not in known:
             text = f"port {port!r} of {unit!r} has no tags and no holes to dock to"
             if port not in geometry.active_ports:
                 usual = f"port_{port}_marker_left"
@@ -148,13 +152,13 @@ def port_problems(scene: Scene) -> list[Problem]:
                     f"port {port!r} of {unit!r} has no tag{near} Nobody finds a port without one, so give it "
                     f"a link or frame port_{port}_marker_<tag>, or `markers`"
                 )
-            problems.append(Problem(path, f"{text}; passive ports: {', '.join(geometry.passive_ports)}"))
+            problems.append(Problem(path, f"{text}; passive ports: {', '.join(known)}"))
 
     def active(path: KeyPath, unit: str, port: str) -> None:
         geometry = scene.geometry(unit)
-        if has(path, unit, port) and port not in geometry.active_ports:
-            valid = geometry.active_ports
-            text = f"port {port!r} of {unit!r} has no pins; active ports: {', '.join(valid)}"
+        known = geometry.active_ports
+        if has(path, unit, port, "Active ports", known) and port not in known:
+            text = f"port {port!r} of {unit!r} has no pins; active ports: {', '.join(known)}"
             problems.append(Problem(path, text))
 
     for i, step in enumerate(scene.plan):

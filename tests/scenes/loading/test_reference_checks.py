@@ -17,6 +17,8 @@ from msrr_scenes.errors import SceneError
         ({"plan.0.to": "b.front"}, "plan.0.to", "passive ports: rear, left, right"),
         ({"plan.0": "{unit: a, dock_to: b.rear}"}, "plan.0.dock_to", "Keys here: unit, port, to, calibrate"),
         ({"plan.0.to": "b.rera"}, "plan.0.to", "did you mean 'rear'?"),
+        ({"plan.0.to": "b.bak"}, "plan.0.to", "no port 'bak'. Passive ports: rear, left, right"),
+        ({"plan.0.port": "font"}, "plan.0.port", "did you mean 'front'? Active ports: front"),
         ({"plan.0.port": "rear"}, "plan.0.port", "active ports: front"),
         ({"units.a.pose.frame": "a.rear"}, "units.a.pose.frame", "relative to itself"),
         ({"units.b.pose": "{frame: a.rear}"}, "units.b.pose.frame", "(b -> a -> b)"),
