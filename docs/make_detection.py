@@ -6,9 +6,11 @@ python docs/make_detection.py runs/detection.json
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from msrr_bullet.bench.detection_benchmark import DetectionBenchmark
 from msrr_bullet.bench.detection_metrics import DetectionRow
@@ -69,11 +71,11 @@ def _line(*cells: str) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def main() -> None:
-    """Write the tables of the report that is named into the page."""
-    found = DetectionBenchmark.model_validate_json(Path(sys.argv[1]).read_text())
+def main(report: Annotated[Path, typer.Argument(exists=True, dir_okay=False)]) -> None:
+    """Write the tables of a report of msrr bench detection --json into the page."""
+    found = DetectionBenchmark.model_validate_json(report.read_text())
     PAGE.write_text(page(PAGE.read_text(), found))
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

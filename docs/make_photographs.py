@@ -6,14 +6,15 @@ python docs/make_photographs.py PICTURES CALIBRATION TAG_SIZE
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from typing import Annotated
 
 import cv2
 import numpy as np
+import typer
 from photograph_light import Light, edges_of, fit_light, fit_noise
 from photograph_terms import terms
 from photograph_text import TEXT
@@ -198,7 +199,11 @@ def page(photographed: Column, calibrated: TagMap, plain: TagMap, rendered: Colu
     )
 
 
-def main(folder: Path, calibration: Path, size: float) -> None:
+def main(
+    folder: Annotated[Path, typer.Argument(exists=True, file_okay=False, metavar="PICTURES")],
+    calibration: Annotated[Path, typer.Argument(exists=True, dir_okay=False)],
+    size: Annotated[float, typer.Argument(min=0.001, metavar="TAG_SIZE")],
+) -> None:
     """Measure, render, and write the page."""
     told = read_calibration(calibration)
     lens = CameraSpec(width_px=told.width_px, height_px=told.height_px, calibration=told).lens
@@ -232,4 +237,4 @@ def main(folder: Path, calibration: Path, size: float) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]), float(sys.argv[3]))
+    typer.run(main)

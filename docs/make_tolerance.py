@@ -6,9 +6,11 @@ python docs/make_tolerance.py runs/tolerance
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from msrr_bullet.tolerance import wording
 from msrr_bullet.tolerance.error_budget import contributions
@@ -93,7 +95,7 @@ def page(study: ToleranceStudy) -> str:
     )
 
 
-def main(folder: Path) -> None:
+def main(folder: Annotated[Path, typer.Argument(exists=True, file_okay=False)]) -> None:
     """Write the page and its figure from the study in a folder."""
     study = ToleranceStudy.model_validate_json((folder / "tolerance.json").read_text(encoding="utf-8"))
     draw_tornado(study, DOCS / FIGURE)
@@ -101,4 +103,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    typer.run(main)
