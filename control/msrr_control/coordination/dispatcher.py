@@ -176,7 +176,7 @@ class Dispatcher:
         return RouteRequest(
             unit.pose,
             X_WE,
-            [other.standing(units, end=True) for other in others],
+            [other.standing(units, enters, self._know.lanes.body) for other in others],
             self.obstacles,
             dock=enters is not None,
             leaves=None if unit.holder is None else unit.holder[0],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable
 
 import numpy as np
@@ -11,11 +10,7 @@ from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.track import Track, needed, standing
 from msrr_scenes.arrays import Array
-from msrr_scenes.geometry.se2 import SE2, wrap_angle
-
-#: Distance by which a port has to be elsewhere than a track leads for the track to be led there [m]; a turn
-#: counts by the way of the farthest corner of the body.
-_ELSEWHERE_M = 0.003
+from msrr_scenes.geometry.se2 import SE2
 
 
 class Interlock:
@@ -25,7 +20,6 @@ class Interlock:
         """Begin with no tracks compared."""
         self._body = body
         self._needed: dict[tuple[str, int, str, int], Array] = {}
-        self._led_ns: dict[str, int] = {}  # for which standing units the track of a unit was led to its port
 
     def needed(self, earlier: UnitRecord, later: UnitRecord) -> Array:
         """Return how far the earlier unit has to be for each sample of the later one's track."""
@@ -48,7 +42,6 @@ class Interlock:
             units: All units.
             parent_holds: Whether the unit that it docks to stands in its place.
         """
-        self._lead_to_port(unit, units)
         track = unit.track
         assert track is not None
         free, blocker = track.length, None
@@ -59,32 +52,11 @@ class Interlock:
             if limit < free:
                 free, blocker = limit, other.name
         if unit.enters is not None and free >= track.dock_start and (free < track.length or not parent_holds):
-            if not parent_holds:
-                blocker = unit.enters[0]  # who is beside the port is compared anew when that unit stands
+            if free >= track.length:
+                blocker = unit.enters[0]
             free = track.dock_start
         unit.limit = max(unit.limit, free)
         unit.blocked_by = blocker if unit.limit < track.length else None
-
-    def _lead_to_port(self, unit: UnitRecord, units: Collection[UnitRecord]) -> None:
-        """Let the track of a unit end where its port is seen, or will be, each time a unit has come to stand.
-
-        Units that are docked to each other stand some millimetres beside where they were planned to, all of
-        them together. The gap to a neighbour counts between places that are known from the same time.
-        """
-        track, enters = unit.track, unit.enters
-        stood_ns = max(other.still_ns for other in units)
-        if enters is None or track is None or self._led_ns.get(unit.name) == stood_ns:
-            return
-        self._led_ns[unit.name] = stood_ns
-        holder = next(other for other in units if other.name == enters[0])
-        if holder.X_WU is None or holder.out_of_action:
-            return
-        X_WE, end = self._body.docked(holder.destination, enters[1]), track.end
-        apart = math.hypot(X_WE.x - end.x, X_WE.y - end.y)
-        turned = self._body.radius * abs(wrap_angle(X_WE.yaw - end.yaw))
-        if apart + turned > _ELSEWHERE_M:
-            unit.track = track.docking_at(X_WE)
-            self.forget(unit.name)
 
     def _limit_by(
         self, other: UnitRecord, unit: UnitRecord, track: Track, units: Collection[UnitRecord]
@@ -98,13 +70,14 @@ class Interlock:
             clear = self.needed(other, unit) <= other.passed
         elif other.X_WU is not None and other.still_ns > unit.granted_ns:
             # It stopped where this route was not planned around it.
-            key = (other.name, -other.still_ns, unit.name, unit.route)
-            if key not in self._needed:
-                body = other.standing(units, end=False)
-                self._needed[key] = needed(standing(body.X_WB, body.at_port), track, self._body)
-            clear = np.isneginf(self._needed[key])
             if unit.enters is not None and unit.enters[0] == other.name:
                 return track.length
+            key = (other.name, -other.still_ns, unit.name, unit.route)
+            if key not in self._needed:
+                body = other.standing(units, unit.enters, self._body)
+                bent = track if body.X_WE is None else track.docking_at(body.X_WE)
+                self._needed[key] = needed(standing(body.X_WB, body.at_port), bent, self._body)
+            clear = np.isneginf(self._needed[key])
         else:
             return track.length
         count = int(np.count_nonzero(clear))  # the samples that are clear come first

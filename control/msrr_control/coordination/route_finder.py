@@ -226,7 +226,8 @@ class RouteFinder:
         first: tuple[float, str] | None = None
         for other in standing:
             beside = self._is_beside(start, other)
-            compared = track if not beside else _at_port(track)
+            bent = track if other.X_WE is None else track.docking_at(other.X_WE)
+            compared = bent if not beside else _at_port(bent)
             found = first_contact(compared, [(other.name, other.X_WB, other.at_port or beside)], self.body)
             lost = self._first_loss(track, other) if beside else None
             if lost is not None and (found is None or lost < found[0]):

@@ -17,11 +17,14 @@ class Standing(NamedTuple):
         name: Name of the unit that stands or will stand there.
         X_WB: Its pose.
         at_port: Whether it is docked there, so that others at ports may come as near as neighbours are.
+        X_WE: Where a track that ends in a port of the same assembly ends, by the docks from this body to that
+            port, which say it better than sight; None for any other track.
     """
 
     name: str
     X_WB: SE2
     at_port: bool
+    X_WE: SE2 | None = None
 
 
 @dataclass(frozen=True)

@@ -80,9 +80,8 @@ class Track:
     def docking_at(self, X_WE: SE2) -> Track:
         """Return the same track with its dock leg bent so that it ends at ``X_WE``.
 
-        A unit closes in on the port as its own camera sees it, not on where the port was when the route was
-        planned. The bend grows from nothing, where the leg begins, to all of it at the port. The legs, which
-        the unit was sent, stay as they are.
+        A unit closes in on the port that its own camera sees, wherever it was planned to be. The bend grows
+        from nothing, where the leg begins, to all of it at the port. The legs stay as they are.
         """
         way = self.length - self.dock_start
         share = np.clip((self.s - self.dock_start) / way, 0.0, 1.0) if way > 0.0 else np.zeros_like(self.s)

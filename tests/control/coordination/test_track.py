@@ -115,6 +115,27 @@ def test_a_dock_leg_that_is_bent_ends_at_the_port_and_begins_where_it_began(X: S
     np.testing.assert_allclose(bent.docking_at(track.end).end.as_array(), track.end.as_array(), atol=1e-12)
 
 
+def test_a_port_is_where_the_docks_put_it_seen_from_any_unit_of_the_assembly(knowledge: Knowledge) -> None:
+    """One that is on its way counts with the port that it enters, one in the open belongs to no assembly."""
+    body, X = knowledge.lanes.body, SE2(0.3, -0.2, 0.7)
+    docks = {"b": ("a", "left"), "c": ("b", "rear"), "d": ("a", "right"), "e": ("d", "rear")}
+    units = {"a": UnitRecord("a", X_WU=X, state=UnitState.DOCKED), "free": UnitRecord("free", X_WU=SE2())}
+    for name, (holder, port) in docks.items():
+        X_WU = body.docked(units[holder].destination, port)
+        units[name] = UnitRecord(name, X_WU=X_WU, state=UnitState.DOCKED, holder=(holder, port))
+    arriving = units["e"]
+    arriving.state, arriving.holder, arriving.enters = UnitState.UNDER_WAY, None, docks["e"]
+    arriving.X_WU, arriving.track = SE2(-1.0, 1.0, 0.0), standing(units["e"].pose, at_port=True)
+    for holder in "abcde":
+        place = body.docked(units[holder].destination, "rear")
+        for name in "abcde":
+            seat = units[name].standing(units.values(), (holder, "rear"), body).X_WE
+            assert seat is not None
+            np.testing.assert_allclose((seat.inverse() @ place).as_array(), 0.0, atol=1e-12)
+        assert units["free"].standing(units.values(), (holder, "rear"), body).X_WE is None
+    assert units["c"].standing(units.values(), None, body).X_WE is None
+
+
 def test_a_track_without_a_dock_leg_is_not_bent() -> None:
     builder = TrackBuilder(SE2(0.2, -0.1, 0.5), OFFSET)
     builder.ahead(0.5)
