@@ -223,18 +223,15 @@ class RouteFinder:
         is near only drive away.
         """
         start = SE2(*track.poses[0].tolist())
-        first: tuple[float, str] | None = None
+        contacts: list[tuple[float, str]] = []
         for other in standing:
             beside = self._is_beside(start, other)
             bent = track if other.X_WE is None else track.docking_at(other.X_WE)
-            compared = bent if not beside else _at_port(bent)
-            found = first_contact(compared, [(other.name, other.X_WB, other.at_port or beside)], self.body)
+            compared = _at_port(bent) if beside else bent
+            met = first_contact(compared, other.X_WB, other.at_port or beside, self.body)
             lost = self._first_loss(track, other) if beside else None
-            if lost is not None and (found is None or lost < found[0]):
-                found = lost, other.name
-            if found is not None and (first is None or found[0] < first[0]):
-                first = found
-        return first
+            contacts += [(s, other.name) for s in (met, lost) if s is not None]
+        return min(contacts, key=lambda contact: contact[0], default=None)
 
     def _is_beside(self, X_WU: SE2, other: Standing) -> bool:
         """Return whether a body stands so near that a unit may come too near to it by a turn on the spot."""

@@ -285,21 +285,14 @@ def needed(earlier: Track, later: Track, body: Body) -> Array:
     return result
 
 
-def first_contact(
-    track: Track, bodies: Sequence[tuple[str, SE2, bool]], body: Body
-) -> tuple[float, str] | None:
-    """Return where a track first comes too near to a standing body, and to which; None if it never does.
+def first_contact(track: Track, X_WB: SE2, at_port: bool, body: Body) -> float | None:
+    """Return where a track first comes too near to a standing body [m]; None if it never does.
 
     Args:
         track: The track.
-        bodies: Name and pose of each standing body, and whether it stands at a port.
-        body: Form of all units.
+        X_WB: Pose of the standing body.
+        at_port: Whether that stands at a port.
+        body: Form of both.
     """
-    first: tuple[float, str] | None = None
-    for name, X_WB, at_port in bodies:
-        until = needed(standing(X_WB, at_port), track, body)
-        if math.isinf(until[-1]) and until[-1] > 0.0:
-            s = float(track.s[int(np.searchsorted(until, math.inf))])
-            if first is None or s < first[0]:
-                first = (s, name)
-    return first
+    until = needed(standing(X_WB, at_port), track, body)
+    return float(track.s[np.searchsorted(until, math.inf)]) if until[-1] == math.inf else None

@@ -176,12 +176,12 @@ def test_a_body_on_a_track_is_found_where_it_stands(knowledge: Knowledge) -> Non
     builder = TrackBuilder(SE2(-1.0, 0.0, 0.0), OFFSET)
     builder.follow(Path(np.array([-1.0, 0.0, 0.0]), np.zeros(1), np.array([2.0])))
     track, body = builder.track(), knowledge.lanes.body
-    found = first_contact(track, [("far", SE2(0.0, 1.0), False), ("near", SE2(0.5, 0.1, 0.3), False)], body)
+    near = SE2(0.5, 0.1, 0.3)
+    found = first_contact(track, near, False, body)
     assert found is not None
-    assert found[1] == "near"
-    gap = body.gap(track.at(found[0] - 2.0 * SPACING_M), SE2(0.5, 0.1, 0.3))
-    assert gap >= GAP_M > PORT_GAP_M
-    assert first_contact(track, [("far", SE2(0.0, 1.0), False)], body) is None
+    assert body.gap(track.at(found), near) < GAP_M
+    assert body.gap(track.at(found - 2.0 * SPACING_M), near) >= GAP_M > PORT_GAP_M
+    assert first_contact(track, SE2(0.0, 1.0), False, body) is None
 
 
 def test_a_seen_pose_is_found_on_its_track_and_nowhere_else() -> None:
