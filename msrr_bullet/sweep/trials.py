@@ -18,7 +18,7 @@ from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.remote_trial import remote_trial
 from msrr_bullet.sweep.summary import TrialFailure
-from msrr_bullet.sweep.trial_store import StoreError, TrialStore
+from msrr_bullet.sweep.trial_store import TrialStore
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, Task, TrialFunction, WorkerPool
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.errors import ProgramFailedError
@@ -80,6 +80,63 @@ def _slots(jobs: int | Callable[[], int]) -> Callable[[], int]:
     return lambda: number
 
 
+class _WantedTrials:
+    """The trials that were asked for: those that have ended, and those that are missing.
+
+    Attributes:
+        outcomes: Result or failure of every trial that has ended, by hash of its scene and seed.
+        codes: Fingerprint of the code of every scene, by its hash.
+        missing: The trials that the store does not hold.
+    """
+
+    def __init__(self, store: TrialStore | None, observer: TrialObserver | None) -> None:
+        self.outcomes: dict[tuple[str, int], TrialResult | TrialFailure] = {}
+        self.codes: dict[str, str] = {}
+        self.missing: deque[Task] = deque()
+        self._asked: set[tuple[str, int]] = set()
+        self._store, self._observer = store, observer
+
+    def add(self, scene: Scene, seeds: Iterable[int], runs_here: bool) -> None:
+        """Ask for trials of a scene; those in the store have ended.
+
+        Args:
+            scene: The scene.
+            seeds: Seeds of its trials.
+            runs_here: Whether missing trials are run on this machine, so that what they read is prepared.
+        """
+        digest, code = scene_hash(scene), code_fingerprint(scene)
+        self.codes[digest] = code
+        new = [seed for seed in dict.fromkeys(map(checked_seed, seeds)) if (digest, seed) not in self._asked]
+        self._asked.update((digest, seed) for seed in new)
+        stored = {} if self._store is None else self._store.get(digest, code, new)
+        # A class of a user's own may have failed for what is mended since, such as a missing file.
+        stored = {s: r for s, r in stored.items() if r.outcome is not Outcome.PROGRAM_FAILED}
+        for seed, result in stored.items():
+            self.outcomes[digest, seed] = result
+            self._show(result, True)
+        tasks = [Task(scene, digest, seed) for seed in new if seed not in stored]
+        if tasks:
+            _check(scene)
+            if self._store is not None:
+                self._store.put_scene(digest, scene.name, scene.model_dump_json())
+            if runs_here:
+                prepare_cameras(scene, _log.info)  # once, instead of in every worker at the same time
+        self.missing += tasks
+
+    def collect(self, task: Task, outcome: TrialResult | TrialFailure) -> None:
+        """Take in what a trial has ended with; it is one of the outcomes even if the store cannot keep it."""
+        self.outcomes[task.scene_hash, task.seed] = outcome
+        try:
+            if self._store is not None and isinstance(outcome, TrialResult):
+                self._store.put(outcome, self.codes[task.scene_hash])
+        finally:
+            self._show(outcome, False)
+
+    def _show(self, outcome: TrialResult | TrialFailure, stored: bool) -> None:
+        if self._observer is not None:
+            self._observer(outcome, stored)
+
+
 def run_trials(
     batches: Iterable[tuple[Scene, Iterable[int]]],
     jobs: int | Callable[[], int] = 1,
@@ -113,55 +170,19 @@ def run_trials(
         ValueError: A seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``jobs`` not positive.
     """
     slots = _slots(jobs)
-    outcomes: dict[tuple[str, int], TrialResult | TrialFailure] = {}
-    codes: dict[str, str] = {}
-    asked: set[tuple[str, int]] = set()
-    missing: deque[Task] = deque()
     with ExitStack() as stack:
         trial_store = stack.enter_context(TrialStore(Path(store))) if store is not None else None
+        wanted = _WantedTrials(trial_store, observer)
         for scene, seeds in batches:
-            digest, code = scene_hash(scene), code_fingerprint(scene)
-            codes[digest] = code
-            wanted = [seed for seed in dict.fromkeys(map(checked_seed, seeds)) if (digest, seed) not in asked]
-            asked.update((digest, seed) for seed in wanted)
-            stored: dict[int, TrialResult] = {}
-            if trial_store is not None:
-                found = trial_store.get(digest, code, wanted)
-                # A class of a user's own may have failed for what is mended since, such as a missing file.
-                stored = {s: r for s, r in found.items() if r.outcome is not Outcome.PROGRAM_FAILED}
-            for seed, result in stored.items():
-                outcomes[digest, seed] = result
-                if observer is not None:
-                    observer(result, True)
-            tasks = [Task(scene, digest, seed) for seed in wanted if seed not in stored]
-            if tasks:
-                _check(scene)
-                if trial_store is not None:
-                    trial_store.put_scene(digest, scene.name, scene.model_dump_json())
-            if tasks and executor is None:
-                prepare_cameras(scene, _log.info)  # once, instead of in every worker at the same time
-            missing += tasks
-        reused = len(outcomes)
-
-        def collect(task: Task, outcome: TrialResult | TrialFailure) -> None:
-            outcomes[task.scene_hash, task.seed] = outcome
-            try:
-                if trial_store is not None and isinstance(outcome, TrialResult):
-                    trial_store.put(outcome, codes[task.scene_hash])
-            except StoreError:
-                if observer is not None:
-                    observer(outcome, False)  # it is a result all the same
-                raise
-            if observer is not None:
-                observer(outcome, False)
-
+            wanted.add(scene, seeds, runs_here=executor is None)
+        reused = len(wanted.outcomes)
         if wall_limit_s is not None:
             trial = partial(trial, wall_limit_s=wall_limit_s)
         if executor is not None:
-            trial = partial(remote_trial, trial, codes)
-        pool = WorkerPool(slots, executor, trial, collect)
+            trial = partial(remote_trial, trial, wanted.codes)
+        pool = WorkerPool(slots, executor, trial, wanted.collect)
         try:
-            pool.run(missing)
+            pool.run(wanted.missing)
             interrupted = False
         except KeyboardInterrupt:
             interrupted = True
@@ -171,4 +192,4 @@ def run_trials(
             raise
         finally:
             pool.close()
-    return FinishedTrials(outcomes, reused, interrupted)
+    return FinishedTrials(wanted.outcomes, reused, interrupted)
