@@ -77,7 +77,8 @@ def photographs() -> Path:
 #: Files that take longest. With ``--dist loadfile --no-loadscope-reorder`` they are begun first, so that no
 #: worker is left alone with one of them at the end.
 LONGEST = (
-    "test_trial_commands.py",
+    "test_dock_command.py",
+    "test_sweep_command.py",
     "test_coordinated_replayer.py",
     "test_run.py",
     "test_readme.py",

@@ -21,14 +21,15 @@ from msrr_bullet.cli import (
     calibrate_command,
     compare_command,
     detect_command,
+    dock_command,
     film_command,
     map_command,
     merge_command,
     perceive_command,
     run_commands,
     study_commands,
+    sweep_command,
     tolerance_command,
-    trial_commands,
 )
 from msrr_bullet.cli.console import open_closed_streams, open_console
 from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, Terminated, os_error_text, report_error
@@ -98,8 +99,8 @@ def _program(
     """Docking of mobile robots by what their rendered cameras see."""
 
 
-app.command()(trial_commands.dock)
-app.command()(trial_commands.sweep)
+app.command()(dock_command.dock)
+app.command()(sweep_command.sweep)
 
 
 @app.command()
