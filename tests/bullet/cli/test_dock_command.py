@@ -1,4 +1,4 @@
-"""``msrr dock``: its output, its files and its exit codes. A class of a user's own fails in other commands, too."""
+"""``msrr dock``: its output, its files and its exit codes; a class of a user's own that fails."""
 
 import json
 import os
