@@ -14,6 +14,7 @@ from msrr_bullet.recordings.recording import Item as RecordedItem
 from msrr_bullet.recordings.recording import RecordedFrame, WheelReading, moments
 from msrr_perception.detection.detector import DETECTORS, Detector
 from msrr_perception.detection.onboard_vision import FULL_FRAME_PERIOD, OnboardVision
+from msrr_perception.estimation.calibration_errors import CalibrationError
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.estimator import ESTIMATORS, Estimator
 from msrr_perception.estimation.los import LosEstimator
@@ -103,6 +104,10 @@ class Perceiver:
             **fixed,
         )
         return estimator
+
+    def calibration_errors(self) -> tuple[CalibrationError, ...]:
+        """Return what the estimator has learned of the errors of calibration; none of one of a user's own."""
+        return self._estimator.calibration_errors() if isinstance(self._estimator, CornerEkf) else ()
 
     def run(self, items: Iterable[RecordedItem]) -> Iterator[Instant]:
         """Yield what is known at the arrival of every frame, and at the decisions of the recording.

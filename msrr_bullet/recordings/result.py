@@ -11,8 +11,12 @@ from pydantic import BaseModel, Field
 
 from msrr_bullet.recordings.perceiver import Instant
 from msrr_bullet.trial.versions import trial_versions
+from msrr_perception.estimation.calibration_errors import CalibrationError
 from msrr_scenes.messages import PoseEstimate, seconds
 from msrr_scenes.specs.scene import Scene
+
+#: Number of errors of calibration that a message names.
+_NAMED = 3
 
 
 class Sigma(BaseModel, frozen=True):
@@ -25,6 +29,48 @@ class Sigma(BaseModel, frozen=True):
 
     position_m: float
     yaw_rad: float
+
+
+class LearnedError(BaseModel, frozen=True):
+    """What the recording tells of an error of calibration: of the true value minus that of the target file.
+
+    Attributes:
+        quantity: Group and name in ``as_built`` of the target file, such as ``onboard.pitch_deg``; it ends in
+            the unit of all numbers here.
+        tag: Id of the tag whose mount is meant; None for what is no mount of a tag.
+        tolerance: Standard deviation by the target file.
+        error: What is known of the error.
+        sigma: Standard deviation of that.
+        deviation: The error over the tolerance.
+        contradicts: Whether the tolerance does not allow this error.
+    """
+
+    quantity: str
+    tag: int | None
+    tolerance: float
+    error: float
+    sigma: float
+    deviation: float
+    contradicts: bool
+
+    @classmethod
+    def of(cls, known: CalibrationError) -> LearnedError:
+        """Return what a filter knows as a part of a result."""
+        return cls(
+            quantity=known.quantity.name,
+            tag=known.quantity.tag,
+            tolerance=known.tolerance,
+            error=known.error,
+            sigma=known.sigma,
+            deviation=known.deviation,
+            contradicts=known.contradicts,
+        )
+
+    def text(self) -> str:
+        """Return it in words."""
+        of_tag = "" if self.tag is None else f" of tag {self.tag}"
+        known = f"{self.error:+.3g} ± {self.sigma:.1g}, tolerance {self.tolerance:.3g}"
+        return f"{self.quantity}{of_tag} {known}"
 
 
 class RecordingResult(BaseModel, frozen=True):
@@ -50,6 +96,8 @@ class RecordingResult(BaseModel, frozen=True):
         last_pose: Last estimate in the dock frame: x, y [m], yaw [rad]; None without one.
         last_sigma: Its standard deviations.
         last_unseen_s: Its time since the last frame that the filter used [s].
+        calibration: What the estimator has learned of the errors of calibration, those first that are the
+            farthest beyond their tolerance; empty without an estimate, or with an estimator that learns none.
         versions: Installed versions.
     """
 
@@ -72,11 +120,22 @@ class RecordingResult(BaseModel, frozen=True):
     last_pose: tuple[float, float, float] | None
     last_sigma: Sigma | None
     last_unseen_s: float | None
+    calibration: tuple[LearnedError, ...]
     versions: dict[str, str] = Field(default_factory=trial_versions)
 
     def to_json(self) -> str:
         """Return the result as indented JSON."""
         return self.model_dump_json(indent=2) + "\n"
+
+    def contradiction(self) -> str | None:
+        """Return in words what the target file has wrong beyond its tolerances; None if it has nothing."""
+        wrong = [known for known in self.calibration if known.contradicts]
+        if not wrong:
+            return None
+        named = "; ".join(known.text() for known in wrong[:_NAMED])
+        more = f"; and {len(wrong) - _NAMED} more" if len(wrong) > _NAMED else ""
+        follow = ". Mend the first one, for the others may follow from it" if len(wrong) > 1 else ""
+        return f"the recording contradicts the target file (true minus told value): {named}{more}{follow}"
 
 
 @dataclass
@@ -121,7 +180,13 @@ class Tally:
         estimate = instant.estimate
         self._used += estimate is not None and estimate.last_seen_ns == found.exposure.stamp_ns
 
-    def result(self, recording: str, start_ns: int, assumptions: tuple[str, ...]) -> RecordingResult:
+    def result(
+        self,
+        recording: str,
+        start_ns: int,
+        assumptions: tuple[str, ...],
+        learned: tuple[CalibrationError, ...],
+    ) -> RecordingResult:
         """Return the figures so far."""
         last, sigmas = self._last, self._sigmas
         middle = None
@@ -150,6 +215,9 @@ class Tally:
             last_pose=None if last is None else (last.X_DU.x, last.X_DU.y, last.X_DU.yaw),
             last_sigma=None if last is None else sigmas[-1],
             last_unseen_s=None if last is None else seconds(last.stamp_ns - last.last_seen_ns),
+            calibration=tuple(
+                LearnedError.of(known) for known in sorted(learned, key=lambda e: -abs(e.deviation))
+            ),
         )
 
 

@@ -206,7 +206,11 @@ def _run(
     except RecordingError as error:  # what came before is worth having
         tally.cut_off = True
         complain(str(error))
-    return tally.result(recording.source, recording.start_ns, assumed)
+    result = tally.result(recording.source, recording.start_ns, assumed, perceiver.calibration_errors())
+    text = result.contradiction()
+    if text is not None:
+        recorder.write(topics.EVENTS, now_ns, Event(now_ns, "recording", text, Level.WARNING))
+    return result
 
 
 @contextmanager

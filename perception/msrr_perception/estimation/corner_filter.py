@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from msrr_perception.estimation.calibration_errors import CalibrationError, calibration_errors
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.dock_frame import in_seat
 from msrr_perception.estimation.first_fit import StartingState
@@ -214,6 +215,11 @@ class CornerEkf:
         if seated:
             state = in_seat(self.target, state)
         return Knowledge(state.mean[POSE_SIZE:], state.covariance[POSE_SIZE:, POSE_SIZE:], self.drawn.shared)
+
+    def calibration_errors(self) -> tuple[CalibrationError, ...]:
+        """Return what is known of every error of calibration that has a name; none while nothing was seen."""
+        learned = self.learned(seated=False)
+        return () if learned is None else calibration_errors(self.target.filter_layout, self.drawn, learned)
 
     def _advance_head(self, base: FilterState, stamp_ns: int) -> FilterState:
         """Return the state at the newest reading before ``stamp_ns``, cached to do no step twice."""

@@ -36,6 +36,9 @@ from msrr_scenes.specs.as_built import AsBuiltSpec, MountDeviations
 #: Number of entries of a pose with tilt, and of the drive's errors that follow it in the state of a filter.
 POSE_SIZE, DRIVE_SIZE = 5, 3
 
+#: Indices of the place on the floor's plane, x, y and yaw, in a mount.
+_ON_FLOOR = (0, 1, 5)
+
 #: Number of exposures during which the errors of a tag that is not in the state are taken to be the same.
 #: They last, and to take them for noise that is drawn anew would make the filter believe them, the sooner the
 #: faster the camera is.
@@ -114,6 +117,42 @@ class Tolerances:
         return out
 
 
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """An error of calibration that a state has, by its name in ``as_built`` of a scene.
+
+    Attributes:
+        name: Group and key, such as ``onboard.focal_percent``; the key ends in its unit.
+        scale: Number of these units in one unit of the state: m, rad, s, px or a ratio.
+        tag: Id of the tag whose mount is meant; None for what is no mount of a tag.
+    """
+
+    name: str
+    scale: float
+    tag: int | None = None
+
+
+def _mount_names(group: str) -> list[tuple[str, float]]:
+    """Return name and scale of each quantity of a mount, in the order of :func:`mount_sigmas`."""
+    keys = MountDeviations.model_fields
+    return [(f"{group}.{key}", math.degrees(1.0) if key.endswith("_deg") else 1.0) for key in keys]
+
+
+#: Name and scale of the parameters that ``as_built`` has, and of the errors of the drive.
+_NAMES: Mapping[int, tuple[str, float]] = {
+    **dict(enumerate(_mount_names("onboard"), CAMERA)),
+    FOCAL: ("onboard.focal_percent", 100.0),
+    CENTRE: ("onboard.cx_px", 1.0),
+    CENTRE + 1: ("onboard.cy_px", 1.0),
+    K1: ("onboard.k1", 1.0),
+    CLOCK: ("onboard.clock_ms", 1e3),
+    PRINT: ("tags.print_percent", 100.0),
+    **dict(enumerate(_mount_names("bracket"), BRACKET)),
+    **dict(enumerate(_mount_names("tags"), TAG)),
+}
+_DRIVE = tuple(Quantity(f"drive.{key}_percent", 100.0) for key in ("radius_left", "radius_right", "track"))
+
+
 @dataclass(frozen=True, eq=False)
 class StateLayout:
     """What the entries of a state stand for.
@@ -126,6 +165,8 @@ class StateLayout:
         marker: Index of the place (x, y, yaw) of the marker on the floor's plane, which no image shows; None
             if it is as drawn.
         own: Indices of what does not depend on the target: of the drive and of the camera.
+        quantities: What each entry behind the pose is called, shape (n - 5,); None for errors of the edges in
+            an image, of which no drawing tells.
     """
 
     tags: TagMap
@@ -134,6 +175,7 @@ class StateLayout:
     first: int = POSE_SIZE
     marker: int | None = None
     own: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    quantities: tuple[Quantity | None, ...] = ()
 
     @property
     def size(self) -> int:
@@ -184,12 +226,14 @@ def filter_layout(drawn: StateLayout, port_tags: Sequence[int], tolerances: Tole
     sigmas, columns, prior = tolerances.sigmas(), drawn.tags.columns.copy(), list[float]()
     first = POSE_SIZE + DRIVE_SIZE
     considered, own, marker = np.zeros(columns.shape), first, None
+    quantities: list[Quantity | None] = [*_DRIVE]
 
-    def add(parameters: range, tags: Sequence[int]) -> None:
+    def add(parameters: range, tags: Sequence[int], tag_id: int | None = None) -> None:
         for k in parameters:
             if sigmas[k] > 0.0:
                 columns[list(tags), k] = first + len(prior)
                 prior.append(max(float(sigmas[k]), _LEAST_SIGMA))
+                quantities.append(Quantity(*_NAMES[k], tag_id) if k in _NAMES else None)
 
     on_port = [drawn.index[i] for i in port_tags]
     if on_port:
@@ -197,15 +241,23 @@ def filter_layout(drawn: StateLayout, port_tags: Sequence[int], tolerances: Tole
         own = first + len(prior)
         add(range(PRINT, BRACKET), range(len(drawn.index)))
         add(range(BRACKET + 2, BRACKET + 5), on_port)  # z, roll, pitch
-        for tag in on_port:
-            add(range(TAG, PARAMETERS), [tag])
+        for tag_id in port_tags:
+            add(range(TAG, PARAMETERS), [drawn.index[tag_id]], tag_id)
     elsewhere = [k for k in range(len(drawn.index)) if k not in on_port]
     # Twice, because the brackets of both ports are off.
     considered[elsewhere, BRACKET:TAG] = 2.0 * _LASTING_FRAMES * sigmas[BRACKET:TAG] ** 2
     considered[elsewhere, TAG:BORDER] = _LASTING_FRAMES * sigmas[TAG:BORDER] ** 2
     tags = drawn.tags._replace(columns=columns, considered=considered)
-    x, y, _, _, _, yaw = tolerances.bracket
-    if on_port and any((x, y, yaw)):
+    if on_port and any(tolerances.bracket[k] for k in _ON_FLOOR):
         marker = first + len(prior)
-        prior += [max(sigma, _LEAST_SIGMA) for sigma in (x, y, yaw)]
-    return StateLayout(tags, drawn.index, np.array(prior), first, marker, np.arange(POSE_SIZE, own))
+        prior += [max(tolerances.bracket[k], _LEAST_SIGMA) for k in _ON_FLOOR]
+        quantities += [Quantity(*_NAMES[BRACKET + k]) for k in _ON_FLOOR]
+    return StateLayout(
+        tags,
+        drawn.index,
+        np.array(prior),
+        first,
+        marker,
+        np.arange(POSE_SIZE, own),
+        tuple(quantities),
+    )

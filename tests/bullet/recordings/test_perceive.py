@@ -25,7 +25,7 @@ from msrr_scenes.geometry.unit_geometry import find_urdf
 from msrr_scenes.messages import NS_PER_S, PoseEstimate
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CalibrationSpec
-from tests.bullet.recordings.conftest import Trial, run_trial_quietly
+from tests.bullet.recordings.conftest import Trial, run_trial_quietly, told
 from tests.bullet.recordings.mcap_files import FOCAL, write_foxglove, write_ros2
 
 
@@ -76,6 +76,52 @@ def test_a_target_that_is_another_unit_is_told_by_the_tags(
     assert run(["perceive", str(trial.folder), "--target", str(target), "--out", str(tmp_path / "out")]) == 0
     told = " ".join(capsys.readouterr().out.split())
     assert re.search(r"no estimate: the target has the tags 20, 21, .* and only 1\d, .* were found; ", told)
+
+
+@pytest.fixture(scope="module")
+def approach(tmp_path_factory: pytest.TempPathFactory, shipped: Callable[..., Scene]) -> tuple[Path, Scene]:
+    """Record a docking with few frames."""
+    folder = tmp_path_factory.mktemp("approach")
+    scene = shipped("close_range", {"cameras.onboard.readout": "frames", "cameras.onboard.rate_hz": "8"})
+    run_trial_quietly(scene, folder)
+    return folder, scene
+
+
+@pytest.mark.parametrize(
+    ("change", "wrong", "error"),
+    [
+        ({}, None, 0.0),
+        ({"camera": {"hfov_deg": 73}}, "onboard.focal_percent", -3.6),
+        ({"robot": {"camera": {"z_m": 0.155, "pitch_deg": 2.0}}}, "onboard.pitch_deg", -2.0),
+        ({"robot": {"camera": {"z_m": 0.165}}}, "onboard.z_m", -0.01),
+    ],
+)
+def test_what_the_target_file_has_wrong_is_named(
+    approach: tuple[Path, Scene],
+    tmp_path: Path,
+    change: dict[str, dict[str, object]],
+    wrong: str | None,
+    error: float,
+) -> None:
+    """A robot that is as drawn drives to the port, and its target file has one number wrong."""
+    folder, scene = approach
+    right = told(scene) | {"as_built": "careful"}
+    target = tmp_path / "target.yaml"
+    target.write_text(yaml.safe_dump(right | {key: right.get(key, {}) | change[key] for key in change}))
+    result = perceive(folder, target)
+    assert result.used == result.with_target > 40
+    assert {"drive.track_percent", "bracket.x_m", "tags.print_percent"} < {
+        e.quantity for e in result.calibration
+    }
+    assert [e.quantity for e in result.calibration if e.contradicts] == ([wrong] if wrong else [])
+    text = result.contradiction()
+    if wrong is None:
+        assert text is None
+    else:
+        assert text is not None
+        assert f"(true minus told value): {wrong} -" in text
+        # That of the height is shared with the bracket's, from which no image tells it.
+        assert abs(result.calibration[0].error / error - 1.0) < 0.35
 
 
 @pytest.mark.parametrize("kind", ["json", "protobuf", "ros2", "ros2_raw", "ros2_bag", "ros2_reversed"])

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from msrr_perception.kernels.calibrated import AT_REST, BORDER, EDGE, PARAMETERS, Rates, project_tag
+from msrr_perception.kernels.calibrated import AT_REST, PARAMETERS, Rates, project_tag
+from msrr_perception.pose.calibration import POSE_SIZE
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.as_built.draw import draw_as_built
 from msrr_scenes.geometry.pinhole import optical_pose
@@ -75,10 +76,12 @@ def test_a_state_that_knows_the_error_predicts_what_is_seen(name: str) -> None:
     state = np.zeros(layout.size)
     state[:5] = pose_vector(X_DU)
     drawn = np.concatenate([_projected(told, tag, state)[0] for tag in told.port_tags])
-    quantity = math.radians(error) if name.endswith("deg") else error
-    of_edges = layout.tags.columns[:, [EDGE, *range(BORDER, PARAMETERS)]] - layout.first
-    own = ~np.isin(np.arange(len(layout.prior)), of_edges)  # all but where edges look to be
-    state[layout.first :][own] = 0.01 * error if name.endswith("percent") else quantity
+    named = [i for i, q in enumerate(layout.quantities) if q is not None and q.name == name]
+    assert {q.tag for i in named if (q := layout.quantities[i])} <= {None, *told.port_tags}
+    for i in named:
+        quantity = layout.quantities[i]
+        assert quantity is not None
+        state[POSE_SIZE + i] = error / quantity.scale
     known = np.concatenate([_projected(told, tag, state)[0] for tag in told.port_tags])
     seen = np.concatenate([true[tag] for tag in told.port_tags])
     assert np.abs(seen - drawn).max() > 10.0 * max(tolerance, 0.01)

@@ -1,0 +1,60 @@
+"""What a filter has learned of each error of calibration, by name, and whether its tolerance allows that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from msrr_perception.estimation.knowledge import Knowledge
+from msrr_perception.pose.calibration import Quantity, StateLayout
+
+#: Number of standard deviations from which a tolerance does not allow an error. One of the 39 errors of a
+#: pair that was built within its tolerances is farther out in one of 4,000 pairs, or fewer.
+_CONTRADICTION = 4.5
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationError:
+    """What is known of an error of calibration: of the true value minus the told one.
+
+    Attributes:
+        quantity: Its name.
+        tolerance: Standard deviation by the drawing, in the unit of the name, as all that follow.
+        error: What is known of it.
+        sigma: Standard deviation of that.
+    """
+
+    quantity: Quantity
+    tolerance: float
+    error: float
+    sigma: float
+
+    @property
+    def deviation(self) -> float:
+        """The error in standard deviations by the drawing. Of an error of which nothing was seen it is 0."""
+        return self.error / self.tolerance
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether the tolerance does not allow what was learned."""
+        return abs(self.deviation) > _CONTRADICTION
+
+
+def calibration_errors(
+    layout: StateLayout, drawn: Knowledge, learned: Knowledge
+) -> tuple[CalibrationError, ...]:
+    """Return what is known of every error of calibration that has a name.
+
+    Args:
+        layout: Layout of the state of the filter.
+        drawn: What the drawing says.
+        learned: What the filter has learned.
+    """
+    tolerances, sigmas = (np.sqrt(np.diag(known.covariance)).tolist() for known in (drawn, learned))
+    found, known = list[CalibrationError](), zip(tolerances, learned.mean.tolist(), sigmas, strict=True)
+    for quantity, (tolerance, error, sigma) in zip(layout.quantities, known, strict=True):
+        if quantity is not None:
+            scale = quantity.scale
+            found.append(CalibrationError(quantity, scale * tolerance, scale * error, scale * sigma))
+    return tuple(found)
