@@ -119,8 +119,7 @@ def _lines(result: RecordingResult) -> list[str]:
         f"(median); the last, {result.last_unseen_s:.2f} s after the target was seen: "
         f"x {x:.4f} m, y {y:.4f} m, yaw {math.degrees(yaw):.2f} deg ± {_text(result.last_sigma)}"
     )
-    contradiction = result.contradiction()
-    return lines if contradiction is None else [*lines, contradiction]
+    return [*lines, *result.warnings()]
 
 
 def _why_none(result: RecordingResult) -> str:

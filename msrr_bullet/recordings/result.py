@@ -14,9 +14,13 @@ from msrr_bullet.trial.versions import trial_versions
 from msrr_perception.estimation.calibration_errors import CalibrationError
 from msrr_scenes.messages import PoseEstimate, seconds
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.wording import counted
 
 #: Number of errors of calibration that a message names.
 _NAMED = 3
+
+#: Share of the frames with the target that may disagree with the estimate before it is said.
+_FEW = 0.05
 
 
 class Sigma(BaseModel, frozen=True):
@@ -79,6 +83,7 @@ class RecordingResult(BaseModel, frozen=True):
     Attributes:
         recording: What was recorded, in words.
         target: Name of the target.
+        odometry: Whether the recording tells how the wheels turned.
         assumptions: What was taken for granted because the recording does not say it.
         start_ns: Time on the clock of the recording that is 0 in the log.
         duration_s: Time from the first to the last estimate [s].
@@ -103,6 +108,7 @@ class RecordingResult(BaseModel, frozen=True):
 
     recording: str
     target: str
+    odometry: bool
     assumptions: tuple[str, ...]
     start_ns: int
     duration_s: float
@@ -127,8 +133,27 @@ class RecordingResult(BaseModel, frozen=True):
         """Return the result as indented JSON."""
         return self.model_dump_json(indent=2) + "\n"
 
-    def contradiction(self) -> str | None:
-        """Return in words what the target file has wrong beyond its tolerances; None if it has nothing."""
+    def warnings(self) -> tuple[str, ...]:
+        """Return in words what of the target file, or of the wheels, the recording does not agree with."""
+        return tuple(text for text in (self._disagreement(), self._contradiction()) if text is not None)
+
+    def _disagreement(self) -> str | None:
+        unused = self.with_target - self.used
+        if unused <= _FEW * self.with_target:
+            return None
+        causes = (
+            "calibration and flat floor of the target file; a camera that is carried by hand, or is faster "
+            "than speed_mps and turn_rate_radps of the robot, does not move so"
+        )
+        if self.odometry:
+            causes = (
+                "the wheels of the recording, and by calibration and flat floor of the target file; if "
+                "--odometry none uses these frames, order, sign or unit of the wheels are wrong"
+            )
+        what = "tags of the target do not agree with the estimate"
+        return f"in {counted(unused, 'frame')} {what}, which goes by {causes}"
+
+    def _contradiction(self) -> str | None:
         wrong = [known for known in self.calibration if known.contradicts]
         if not wrong:
             return None
@@ -184,6 +209,7 @@ class Tally:
         self,
         recording: str,
         start_ns: int,
+        odometry: bool,
         assumptions: tuple[str, ...],
         learned: tuple[CalibrationError, ...],
     ) -> RecordingResult:
@@ -198,6 +224,7 @@ class Tally:
         return RecordingResult(
             recording=recording,
             target=self.scene.name,
+            odometry=odometry,
             assumptions=assumptions,
             start_ns=start_ns,
             duration_s=seconds(times[-1] - times[0]),

@@ -206,9 +206,10 @@ def _run(
     except RecordingError as error:  # what came before is worth having
         tally.cut_off = True
         complain(str(error))
-    result = tally.result(recording.source, recording.start_ns, assumed, perceiver.calibration_errors())
-    text = result.contradiction()
-    if text is not None:
+    result = tally.result(
+        recording.source, recording.start_ns, recording.has_odometry, assumed, perceiver.calibration_errors()
+    )
+    for text in result.warnings():
         recorder.write(topics.EVENTS, now_ns, Event(now_ns, "recording", text, Level.WARNING))
     return result
 

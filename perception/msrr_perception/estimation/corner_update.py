@@ -109,6 +109,8 @@ class CornerUpdate:
     ) -> FilterState | None:
         """Return the state corrected by the corners of those tags that pass the gate; None if none does.
 
+        It is None as well where no state explains the corners from such a prior.
+
         Args:
             prior: State at the exposure.
             tags: Tags of the target.
@@ -133,9 +135,12 @@ class CornerUpdate:
         if not len(seen.which):
             return None
         if not fell:
-            information = np.linalg.inv(prior.covariance)
-            information = 0.5 * (information + information.T)
-            fit = fit_corners(target, layout, seen, prior.mean, prior.mean, information, _ITERATIONS)
+            try:
+                information = np.linalg.inv(prior.covariance)
+                information = 0.5 * (information + information.T)
+                fit = fit_corners(target, layout, seen, prior.mean, prior.mean, information, _ITERATIONS)
+            except np.linalg.LinAlgError:  # by wheels in other units the target is behind, or metres away
+                return None
             mean, covariance, chi2 = fit.state, fit.covariance, fit.chi2
         mean[YAW] = math.remainder(mean[YAW], 2.0 * math.pi)
         found = scale * chi2 / seen.corners.size
