@@ -36,6 +36,10 @@ from msrr_scenes.messages import (
 from msrr_scenes.registry import out_of_range
 from msrr_scenes.specs.sensors import OdometrySpec
 
+#: Standard deviation of a place that tells nothing, as after wheel readings of another unit [m]. Beyond a
+#: thousand times that, rounding leaves nothing of the covariance of a pose that an image shows.
+_NOWHERE_M = 10.0
+
 #: End of the errors of the drive in a state.
 _DRIVE_END = POSE_SIZE + DRIVE_SIZE
 
@@ -242,16 +246,19 @@ class CornerEkf:
         if before is None:
             return self._start(measurement)
         prior = self._motion.to_measurement(before, self._wheels, measurement.exposure.stamp_ns)
+        nowhere = float(np.trace(prior.covariance[:2, :2])) > _NOWHERE_M**2
+        after: FilterState | None = None
         if isinstance(measurement, PoseMeasurement):
-            after = self._update.by_pose(prior, measurement)
+            after = None if nowhere else self._update.by_pose(prior, measurement)
         else:
             rates = self._motion.rates(prior, self._wheels)
             prior = replace(prior, told_ns=self._motion.told_until(rates, prior.stamp_ns))
-            after = self._update.by_corners(prior, self._of_target(measurement), rates)
+            if not nowhere:
+                after = self._update.by_corners(prior, self._of_target(measurement), rates)
         if after is not None:
             return after
         lost = replace(prior, rejected=prior.rejected + 1)
-        anew = self._start(measurement) if lost.rejected >= self._reset_after else None
+        anew = self._start(measurement) if nowhere or lost.rejected >= self._reset_after else None
         return lost if anew is None else replace(anew, told_ns=prior.told_ns)
 
     def _start(self, measurement: Measurement) -> FilterState | None:

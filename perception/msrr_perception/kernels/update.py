@@ -115,7 +115,8 @@ def update(
 
     Returns:
         State, covariance, squared residuals, the tags inside the gate, and whether the cost fell with every
-        step; if not, or without a tag inside the gate, the state is not to be used.
+        step and all variances are positive; if not, or without a tag inside the gate, the state is not to be
+        used.
     """
     n, variances = mean.shape[0], variances_of_corners(corners, sigma_px, sheet, scale)
     roots = roots_of_covariance(optics, tags, which, corners, rates, mean, variances, period)
@@ -170,10 +171,11 @@ def update(
         cost = chi2 + np.dot(d, u)
         fell = cost <= before + _NO_RISE
     P = covariance.copy()
-    if fell and cholesky(S, L):
+    fell = fell and cholesky(S, L)
+    if fell:
         reduce(P, L, JP)
-    else:
-        fell = False
+        for k in range(n):  # where a tag is next to the plane of the camera, rounding leaves nothing of some
+            fell = fell and P[k, k] > 0.0
     return state, P, chi2, seen, fell
 
 
