@@ -185,6 +185,9 @@ def _sightings(pictures: Sequence[TaggedPicture]) -> tuple[Sightings, list[str],
     found = [(p.name, t) for p in sorted(pictures, key=lambda p: p.name) for t in p.tags]
     if not found:
         raise AdjustmentError("no tag was found in any picture; is the family right?")
+    for name, tag in found:
+        if np.linalg.matrix_rank(tag.corners - tag.corners[0], tol=1e-6) < 2:
+            raise AdjustmentError(f"{name}: the corners of tag {tag.tag_id} lie on a line")
     names = sorted({name for name, _ in found})
     ids = sorted({tag.tag_id for _, tag in found})
     seen = Sightings(

@@ -156,6 +156,9 @@ def test_least_squares_agree_with_those_of_scipy(scale_px: float) -> None:
 def test_what_determines_no_map_is_refused() -> None:
     with pytest.raises(AdjustmentError, match="no tag was found"):
         map_tags([TaggedPicture("empty", ())], LENS, TAG_SIZE)
+    line = TagDetection(1, np.outer(np.arange(4.0), [3.0, 1.0]))
+    with pytest.raises(AdjustmentError, match="slant: the corners of tag 1 lie on a line"):
+        map_tags([TaggedPicture("slant", (line,))], LENS, TAG_SIZE)
 
 
 def test_tags_that_are_only_seen_alone_make_no_map() -> None:
