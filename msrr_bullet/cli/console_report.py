@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from rich.table import Table
 from rich.text import Text
 
 from msrr_bullet.statistics import Quantiles, interval_text
-from msrr_bullet.sweep.comparison import Comparison
 from msrr_bullet.sweep.summary import StepFigures, SweepSummary
 from msrr_bullet.trial.result import MissionFigures, TrialResult
 from msrr_bullet.trial.step_result import PlanarPose, StepResult
 from msrr_scenes.loading.load import find_scene, read_document
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.wording import counted
+
+if TYPE_CHECKING:  # it loads scipy.stats, which takes as long as half a trial
+    from msrr_bullet.sweep.comparison import Comparison
 
 _UNKNOWN = "-"
 
