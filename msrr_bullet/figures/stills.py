@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
@@ -41,8 +42,12 @@ def draw_stills(log: Log, snapshots: Sequence[Snapshot]) -> list[Still]:
     """
     exposures = _select(read_exposures(log))
     annotator = FrameAnnotator(log, snapshots)
-    drawn = ((view, annotator.draw(view)) for view in read_camera_views(log, exposures))
-    return [_still(view.exposure, frame, "webp", STILL_QUALITY) for view, frame in drawn]
+    with ThreadPoolExecutor(1) as encoder:  # encodes one still while the next one is drawn
+        stills = [
+            encoder.submit(_still, view.exposure, annotator.draw(view), "webp", STILL_QUALITY)
+            for view in read_camera_views(log, exposures)
+        ]
+    return [still.result() for still in stills]
 
 
 class LiveStills:
