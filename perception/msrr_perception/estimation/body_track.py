@@ -88,7 +88,15 @@ class SeenPose:
     lasting: Array
     errors: PoseErrors | None = None
 
-    def estimated(self, stamp_ns: int, X_WB: SE2, covariance: Array, slip: Array | None = None) -> GlobalPose:
+    def estimated(
+        self,
+        stamp_ns: int,
+        X_WB: SE2,
+        covariance: Array,
+        slip: Array | None = None,
+        *,
+        learns_roof: bool = False,
+    ) -> GlobalPose:
         """Return an estimate that follows from measurements of which this is the last.
 
         Args:
@@ -97,13 +105,14 @@ class SeenPose:
             covariance: Covariance of its error, without the errors of calibration.
             slip: Standard deviation of the way, shape (3,) [m, rad], that the body goes in the time by which
                 stamps are wrong; None while it stands.
+            learns_roof: Whether ``covariance`` has what is not known of where the tag is held on the roof.
         """
         errors, name = self.errors, self.pose.name
         if slip is not None:
             covariance = covariance + slip[:, None] * slip
         if errors is None:
             return GlobalPose(name, stamp_ns, X_WB, frozen(covariance))
-        covariance = covariance + errors.own + errors.shared
+        covariance = covariance + (errors.own - errors.held if learns_roof else errors.own) + errors.shared
         return GlobalPose(name, stamp_ns, X_WB, frozen(covariance), errors.shared)
 
     def is_at_place_of(self, other: SeenPose) -> bool:

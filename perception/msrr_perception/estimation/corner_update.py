@@ -167,6 +167,8 @@ class CornerUpdate:
         assumes and not by that of this filter, but without errors of the edges in an image. The tilt is not
         measured with it.
         """
+        if self._layout.roof is not None:
+            return _by_roof(float(state[YAW]))
         noise = DEFAULT_CORNER_NOISE
         which = np.array([self._layout.index[i] for i in self._target.port_tags], dtype=np.int64)
         roots = np.tile(noise.corner_sigma_px * np.eye(8), (len(which), 1, 1))
@@ -193,3 +195,11 @@ class CornerUpdate:
         # The tilt is hardly determined by corners; its prior bounds what errors can make of it.
         information[range(3, 5), range(3, 5)] += tilt_sigma**-2
         return np.asarray(-np.linalg.solve(information, J[:, :5].T @ J[:, first : self._shown]))
+
+
+def _by_roof(yaw: float) -> Array:
+    """Return what the place of the tag on the roof adds to the true pose where one is measured, (5, 3)."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    by_errors = np.zeros((POSE_SIZE, 3))
+    by_errors[:3] = [[-c, s, 0.0], [-s, -c, 0.0], [0.0, 0.0, -1.0]]
+    return by_errors

@@ -76,7 +76,10 @@ class GlobalEstimator:
         self.delay_compensation = delay_compensation
         self._units = model.units
         self._own = CornerEkf(
-            drive.without_tags(), odometry, delay_compensation=delay_compensation, motion=_OWN_MOTION
+            drive.seen_from_above(model.roof(unit)),
+            odometry,
+            delay_compensation=delay_compensation,
+            motion=_OWN_MOTION,
         )
         self._others = ArenaTracker(model, standing_period_s)
         self._clock_s, self._strain = model.errors.clock_s, model.errors.strain
@@ -123,7 +126,11 @@ class GlobalEstimator:
             self._others.add(seen)
             return
         exposure = Exposure(OVERHEAD, 0, pose.stamp_ns)
-        self._own.add_pose(PoseMeasurement(exposure, pose.X_WB, pose.covariance, (None, None)))
+        covariance = pose.covariance
+        if self._clock_s:  # the stamp is off by a time of which only the deviation is known
+            way = self._clock_s * self._own.velocity(pose.stamp_ns)
+            covariance = covariance + way[:, None] * way
+        self._own.add_pose(PoseMeasurement(exposure, pose.X_WB, covariance, (None, None)))
         self._own_place = self._own_place.after(seen) if self._own_place else Place(seen)
         self._own_seen = seen
 
@@ -173,7 +180,7 @@ class GlobalEstimator:
             covariance = covariance + place.first.lasting
         assert self._own_seen is not None, "it has been seen"
         slip = self._clock_s * self._own.velocity(own.stamp_ns) if self._clock_s else None
-        return self._own_seen.estimated(own.stamp_ns, own.X_DU, covariance, slip)
+        return self._own_seen.estimated(own.stamp_ns, own.X_DU, covariance, slip, learns_roof=True)
 
 
 def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstimate) -> GlobalPose:

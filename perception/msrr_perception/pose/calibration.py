@@ -164,9 +164,11 @@ class StateLayout:
         first: Index of the first of them.
         marker: Index of the place (x, y, yaw) of the marker on the floor's plane, which no image shows; None
             if it is as drawn.
+        roof: Index of the place (x, y, yaw in U) of the tag on the roof of the unit, by which a camera above
+            measures its pose; None if it is as drawn.
         own: Indices of what does not depend on the target: of the drive and of the camera.
-        quantities: What each entry behind the pose is called, shape (n - 5,); None for errors of the edges in
-            an image, of which no drawing tells.
+        quantities: What each entry behind the pose is called, shape (n - 5,); None for what a
+            recording tells nobody: errors of the edges in an image, and the place of the tag on the roof.
     """
 
     tags: TagMap
@@ -174,6 +176,7 @@ class StateLayout:
     prior: Array = field(default_factory=lambda: np.zeros(0))
     first: int = POSE_SIZE
     marker: int | None = None
+    roof: int | None = None
     own: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     quantities: tuple[Quantity | None, ...] = ()
 
@@ -205,6 +208,27 @@ def pose_layout(corners_D: Mapping[int, Array], port_tags: Sequence[int]) -> Sta
     return StateLayout(
         TagMap(local, centres, np.ascontiguousarray(axes), pivot, columns, considered),
         {tag: k for k, tag in enumerate(ids)},
+    )
+
+
+def roof_layout(drawn: StateLayout, roof: Array) -> StateLayout:
+    """Return the layout of the state of a unit that a camera above sees: pose, drive, tag on its roof.
+
+    Where that tag is held is told by the way that the unit drives, which is along its own axis.
+
+    Args:
+        drawn: Layout of a pose without tags of a target.
+        roof: Standard deviations of the place of the tag, x, y [m] and yaw [rad] in U, shape (3,).
+    """
+    first, held = POSE_SIZE + DRIVE_SIZE, bool(roof.any())
+    return StateLayout(
+        drawn.tags,
+        drawn.index,
+        np.maximum(roof, _LEAST_SIGMA) if held else np.zeros(0),
+        first,
+        roof=first if held else None,
+        own=np.arange(POSE_SIZE, first),
+        quantities=(*_DRIVE, *(None for _ in _ON_FLOOR if held)),
     )
 
 
@@ -258,6 +282,6 @@ def filter_layout(drawn: StateLayout, port_tags: Sequence[int], tolerances: Tole
         np.array(prior),
         first,
         marker,
-        np.arange(POSE_SIZE, own),
-        tuple(quantities),
+        own=np.arange(POSE_SIZE, own),
+        quantities=tuple(quantities),
     )

@@ -20,6 +20,9 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.as_built import AsBuiltSpec
 
+#: Place on the plane of the roof, x, y and yaw, among the errors of a tag's mount.
+_ON_ROOF = [0, 1, 5]
+
 #: Distance over which the strain is computed [m].
 _STRAIN_STEP_M = 1e-3
 
@@ -31,10 +34,12 @@ class PoseErrors:
     Attributes:
         own: Covariance, shape (3, 3) [m, rad], of the error of this body alone.
         shared: Covariance, shape (3, 3) [m, rad], of the error that bodies near it have as well.
+        held: Part of ``own`` by where the tag is held on the plane of the body's roof, shape (3, 3).
     """
 
     own: Array
     shared: Array
+    held: Array
 
 
 class OverheadErrors:
@@ -81,7 +86,14 @@ class OverheadErrors:
         by_camera = _of_origin(self._by_camera(q, d), offset)
         beyond = by_camera - _of_origin(self._by_camera(q, self._above - self._height), offset)
         by_tag = _of_origin(self._by_tag(tag, X_WB.yaw, q, d), offset)
-        return PoseErrors(by_tag @ by_tag.T + beyond @ beyond.T, frozen(by_camera @ by_camera.T))
+        held = by_tag[:, _ON_ROOF] @ by_tag[:, _ON_ROOF].T
+        own = by_tag @ by_tag.T + beyond @ beyond.T
+        return PoseErrors(own, frozen(by_camera @ by_camera.T), held)
+
+    def roof(self, tag: FlatTag) -> Array:
+        """Return standard deviations of where a tag is held on its roof: x, y [m], yaw [rad] in B, (3,)."""
+        errors = self.of(tag, SE2())
+        return np.zeros(3) if errors is None else np.sqrt(np.diag(errors.held))
 
     def _by_camera(self, q: Array, d: float) -> Array:
         """Return what one standard deviation of each error of the camera does to a pose, shape (3, 10).

@@ -108,6 +108,10 @@ class OverheadModel:
         """Return the errors of calibration of a measured pose; None if all is as drawn."""
         return self.errors.of(self.tags[self.tag_of[pose.name]], pose.X_WB)
 
+    def roof(self, unit: str) -> Array:
+        """Return standard deviations of the place of the tag on the roof: x, y [m], yaw [rad] in U, (3,)."""
+        return self.errors.roof(self.tags[self.tag_of[unit]])
+
     @cached_property
     def tag_of(self) -> Mapping[str, int]:
         """Body -> id of the tag on top of it."""

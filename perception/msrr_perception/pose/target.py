@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from msrr_perception.kernels.project import Optics
-from msrr_perception.pose.calibration import StateLayout, Tolerances, filter_layout, pose_layout
+from msrr_perception.pose.calibration import StateLayout, Tolerances, filter_layout, pose_layout, roof_layout
 from msrr_perception.pose.corner_errors import UPRIGHT_CONTRAST, CornerErrors
 from msrr_perception.pose.tone import straight_tone
 from msrr_scenes.arrays import Array, frozen
@@ -80,6 +80,8 @@ class TargetModel:
         to_light: Grey level of every pixel value on a straight tone curve, shape (256,); None if the camera
             has one.
         tag_family: Family of the tags.
+        roof: Standard deviations of the place of the tag on the unit's own roof, x, y [m] and yaw [rad] in U,
+            shape (3,); None where its tags are not looked at from above.
     """
 
     camera_name: str
@@ -97,6 +99,7 @@ class TargetModel:
     frame_period_s: float
     to_light: Pixels | None
     tag_family: TagFamily
+    roof: Array | None = None
 
     @classmethod
     def from_scene(cls, scene: Scene, step: DockStep) -> TargetModel:
@@ -138,9 +141,13 @@ class TargetModel:
         """
         return cls._of_unit(scene, unit, port, MappingProxyType({}), (), ())
 
-    def without_tags(self) -> TargetModel:
-        """Return the calibration of the drive alone, for a pose that is not measured by tags of a target."""
-        return replace(self, corners_D=MappingProxyType({}), port_tags=(), edges=())
+    def seen_from_above(self, roof: Array) -> TargetModel:
+        """Return the calibration of the drive alone, for a pose that a camera above measures.
+
+        Args:
+            roof: Standard deviations of the place of the tag on the roof, x, y [m] and yaw [rad] in U, (3,).
+        """
+        return replace(self, corners_D=MappingProxyType({}), port_tags=(), edges=(), roof=frozen(roof))
 
     @classmethod
     def _of_unit(
@@ -202,6 +209,8 @@ class TargetModel:
     @cached_property
     def filter_layout(self) -> StateLayout:
         """Layout of a filter's state: pose, drive, and what may not be as drawn."""
+        if self.roof is not None:
+            return roof_layout(self.layout, self.roof)
         return filter_layout(self.layout, self.port_tags, self.tolerances)
 
     @cached_property

@@ -262,7 +262,8 @@ def test_errors_of_calibration_and_of_the_clock_are_part_of_the_covariance() -> 
         track = Scene(twist=lambda t, u=twist: u).run(2.05)
         plain = track.pose(2_100_000_000, NOISE)
         assert plain.shared is None
-        doubted = replace(track, seen=replace(track.seen, errors=PoseErrors(own, shared)))
+        errors = PoseErrors(own, shared, held=0.5 * own)
+        doubted = replace(track, seen=replace(track.seen, errors=errors))
         found = doubted.pose(2_100_000_000, timed)
         yaw = found.X_WB.yaw
         way = clock_s * np.array([0.25 * math.cos(yaw), 0.25 * math.sin(yaw), 0.3])

@@ -64,6 +64,7 @@ class Arena:
     estimator: GlobalEstimator
     seed: int
     X_WU: SE2 = field(default_factory=lambda: SE2(-1.2, -0.4, 0.3))
+    held: SE2 = field(default_factory=SE2)  # where the tag on the roof of the unit is held
     scale_error: float = 0.02
     wheel_scale: tuple[float, float] | None = None
     speed: Callable[[float], tuple[float, float]] = lambda t: (0.22, 0.6 * math.sin(t))
@@ -89,7 +90,7 @@ class Arena:
         """What an exposure at this instant shows."""
         tags = []
         errors = self.model.corner_errors
-        for name, X_WB in {"a": self.X_WU, **self.poses}.items():
+        for name, X_WB in {"a": self.X_WU @ self.held, **self.poses}.items():
             drawn = self.rng.normal(0.0, 1.0, (2, 8))
             if self._lasting.get(name, (None,))[0] != X_WB:
                 self._lasting[name] = (X_WB, drawn[0])
@@ -374,7 +375,10 @@ def test_a_body_seen_long_ago_is_known_less_well_than_one_just_seen(make: Make) 
 
 
 def test_a_clock_in_doubt_makes_a_unit_uncertain_along_its_way(scene: Scene, model: OverheadModel) -> None:
-    """At 0.22 m/s by 10 ms of time stamps: 2.2 mm ahead or behind, and nothing across."""
+    """At 0.22 m/s by 10 ms of time stamps: 2.2 mm ahead or behind, and nothing across.
+
+    Poses whose stamps are off tell less of the way as well, so that it is up to a fifth more.
+    """
     built = {"grade": "perfect", "overhead": {"clock_ms": {"sigma": 10.0}}}
     doubtful = Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": built}).told()
     found = []
@@ -387,7 +391,36 @@ def test_a_clock_in_doubt_makes_a_unit_uncertain_along_its_way(scene: Scene, mod
     yaw = found[1].X_WB.yaw
     R = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
     added = R.T @ (found[1].covariance - found[0].covariance)[:2, :2] @ R
-    np.testing.assert_allclose(added, np.diag([0.0022**2, 0.0]), rtol=0.05, atol=1e-8)
+    assert 0.95 < added[0, 0] / 0.0022**2 < 1.2
+    np.testing.assert_allclose([added[0, 1], added[1, 1]], 0.0, atol=1e-8)
+
+
+def test_where_the_tag_on_the_roof_is_held_is_learned_on_the_way(scene: Scene, model: OverheadModel) -> None:
+    """Heading and way do not agree by a tag that is held askew, or beside its place when the unit turns.
+
+    20 drives of 4 s with tags by the tolerances. The normalised errors squared, of 3 degrees of freedom each,
+    exceed their bound by chance once in 10,000 sets of drives; there is none below, for the wheels slip less
+    than assumed. Every exposure is used. Without the tag in the state two in nine are not, and headings at
+    the end are off by 1.2 deg.
+    """
+    tags = {"x_m": {"sigma": 3e-4}, "y_m": {"sigma": 3e-4}, "yaw_deg": {"sigma": 0.3}}
+    built = {"grade": "perfect", "tags": tags}
+    askew = Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": built}).told()
+    seen_by = OverheadModel.from_scene(askew, ("a", "b"))
+    squares, turned = 0.0, []
+    for seed in range(20):
+        held = np.random.default_rng([seed, 1]).normal(0.0, [3e-4, 3e-4, math.radians(0.3)])
+        estimator = estimator_of(askew, seen_by)
+        wheels = TargetModel.from_scene(askew, askew.docks[0])
+        arena = Arena(seen_by, wheels, estimator, seed, held=SE2(*held))
+        for instant in range(40):
+            known = arena.drive(0.1 * instant + 0.09)
+            assert known is None or known.own.stamp_ns - known.last_seen_ns < 200_000_000
+        assert known is not None
+        squares += nees(known.own, arena.X_WU)
+        turned.append(error(known.own, arena.X_WU)[2])
+    assert squares < chi2.ppf(1.0 - 1e-4, 60)
+    assert np.std(turned) < 0.25 * math.radians(0.3)
 
 
 def test_other_cameras_and_other_wheels_change_nothing(make: Make) -> None:
