@@ -37,12 +37,15 @@ class Instant:
         estimate: Pose of the robot in the dock frame D; None while nothing is known.
         los: Line of sight to the target.
         arrived: Tags of the frame that arrived at this instant; None at other instants.
+        agrees: Whether its tags agreed with the estimate that goes by earlier frames and the wheels, or began
+            it.
     """
 
     stamp_ns: int
     estimate: PoseEstimate | None
     los: LosObservation
     arrived: Detections | None
+    agrees: bool
 
 
 def random_walk(robot: RobotSpec, frame_period_s: float) -> MotionNoise:
@@ -185,4 +188,10 @@ class Perceiver:
         if estimate is not None:
             self.recorder.write(topics.estimate(ROBOT), now_ns, estimate)
         self.recorder.write(topics.los(ROBOT), now_ns, los)
-        return Instant(now_ns, estimate, los, arrived)
+        return Instant(now_ns, estimate, los, arrived, self._agrees(estimate, arrived))
+
+    def _agrees(self, estimate: PoseEstimate | None, arrived: Detections | None) -> bool:
+        if estimate is None or arrived is None or estimate.last_seen_ns != arrived.exposure.stamp_ns:
+            return False
+        doubted_ns = self._estimator.doubted_ns if isinstance(self._estimator, CornerEkf) else None
+        return doubted_ns != estimate.last_seen_ns

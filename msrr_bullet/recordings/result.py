@@ -91,7 +91,7 @@ class RecordingResult(BaseModel, frozen=True):
         unusable: Number of those that could not be read.
         cut_off: Whether the recording is damaged from some point on, and was read up to there.
         with_target: Number of frames in which tags of the target were found.
-        used: Number of frames whose tags agreed with the estimate, or began it.
+        used: Number of frames whose tags agreed with earlier ones and the wheels, or began the estimate.
         tags: Number of frames in which each tag was found, by id; others than the target's included.
         target_tags: Ids of the tags of the target.
         instants: Number of instants for which estimates were wanted.
@@ -100,7 +100,7 @@ class RecordingResult(BaseModel, frozen=True):
         median_sigma: Median of the standard deviations of all estimates; None without one.
         last_pose: Last estimate in the dock frame: x, y [m], yaw [rad]; None without one.
         last_sigma: Its standard deviations.
-        last_unseen_s: Its time since the last frame that the filter used [s].
+        last_unseen_s: Its time since the last frame that corrected it [s].
         calibration: What the estimator has learned of the errors of calibration, those first that are the
             farthest beyond their tolerance; empty without an estimate, or with an estimator that learns none.
         versions: Installed versions.
@@ -202,8 +202,7 @@ class Tally:
         if self.target_tags.isdisjoint(tag.tag_id for tag in found.tags):
             return
         self._with_target += 1
-        estimate = instant.estimate
-        self._used += estimate is not None and estimate.last_seen_ns == found.exposure.stamp_ns
+        self._used += instant.agrees
 
     def result(
         self,

@@ -1,7 +1,8 @@
 """The corner filter: an iterated extended Kalman filter whose measurements are tag corners in pixels.
 
 It forms a pose from one image only at its start: after that each corner corrects the state directly, so a
-view that constrains one direction poorly does no harm there. Between exposures the wheels move the state.
+view that constrains one direction poorly does no harm there. Between exposures the wheels move the state, as
+long as exposures agree with what they tell.
 Measurements take effect at the time of their exposure, however late or in whatever order they arrive.
 """
 
@@ -20,6 +21,7 @@ from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.measurement_history import Measurement, MeasurementHistory
 from msrr_perception.estimation.motion import DEFAULT_NOISE, DriveMotion, FilterState, MotionNoise
 from msrr_perception.estimation.wheel_history import WheelHistory
+from msrr_perception.kernels.calibrated import AT_REST, Rates
 from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
 from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise
 from msrr_perception.pose.target import TargetModel
@@ -39,6 +41,14 @@ from msrr_scenes.specs.sensors import OdometrySpec
 #: Standard deviation of a place that tells nothing, as after wheel readings of another unit [m]. Beyond a
 #: thousand times that, rounding leaves nothing of the covariance of a pose that an image shows.
 _NOWHERE_M = 10.0
+
+#: Number of measurements in a row outside the gate from which on the wheels are doubted, and time for which
+#: they are doubted after the last such [ns].
+_DOUBTED_AFTER, _DOUBTED_NS = 3, NS_PER_S
+
+#: Longest time since an image that agrees for which the next one corrects a state without the wheels [ns].
+#: One that is farther off may be explained wrongly, as by a turn instead of a way: a start anew is better.
+_UNTOLD_NS = NS_PER_S // 4
 
 #: End of the errors of the drive in a state.
 _DRIVE_END = POSE_SIZE + DRIVE_SIZE
@@ -198,6 +208,12 @@ class CornerEkf:
         return by_left * left, by_right * right, by_track * track
 
     @property
+    def doubted_ns(self) -> int | None:
+        """Time of the last exposure that agreed only without the wheels; None if each agreed with them."""
+        state = self._history.newest
+        return None if state is None else state.doubted_ns
+
+    @property
     def drawn(self) -> Knowledge:
         """What the drawing and its tolerances say of the errors of calibration."""
         return self._motion.drawn
@@ -246,20 +262,28 @@ class CornerEkf:
         if before is None:
             return self._start(measurement)
         prior = self._motion.to_measurement(before, self._wheels, measurement.exposure.stamp_ns)
-        nowhere = float(np.trace(prior.covariance[:2, :2])) > _NOWHERE_M**2
-        after: FilterState | None = None
-        if isinstance(measurement, PoseMeasurement):
-            after = None if nowhere else self._update.by_pose(prior, measurement)
-        else:
+        rates = AT_REST
+        if isinstance(measurement, Detections):
             rates = self._motion.rates(prior, self._wheels)
             prior = replace(prior, told_ns=self._motion.told_until(rates, prior.stamp_ns))
-            if not nowhere:
-                after = self._update.by_corners(prior, self._of_target(measurement), rates)
+        nowhere = float(np.trace(prior.covariance[:2, :2])) > _NOWHERE_M**2
+        after = agreeing = None if nowhere else self._corrected(prior, measurement, rates)
+        rejected = 0 if agreeing is not None else prior.rejected + 1
+        anew = nowhere or rejected >= self._reset_after
+        if not anew and _doubts_wheels(prior, measurement, rejected):
+            after = self._corrected(self._motion.doubting(prior), measurement, rates) or agreeing
+            if after is not None and agreeing is None:
+                after = replace(after, doubted_ns=prior.stamp_ns)
         if after is not None:
             return after
-        lost = replace(prior, rejected=prior.rejected + 1)
-        anew = self._start(measurement) if nowhere or lost.rejected >= self._reset_after else None
-        return lost if anew is None else replace(anew, told_ns=prior.told_ns)
+        start = self._start(measurement) if anew else None
+        return replace(prior, rejected=rejected) if start is None else replace(start, told_ns=prior.told_ns)
+
+    def _corrected(self, prior: FilterState, measurement: Measurement, rates: Rates) -> FilterState | None:
+        """Return a state corrected by a measurement; None if that lies outside the gate."""
+        if isinstance(measurement, PoseMeasurement):
+            return self._update.by_pose(prior, measurement)
+        return self._update.by_corners(prior, self._of_target(measurement), rates)
 
     def _start(self, measurement: Measurement) -> FilterState | None:
         """Return a state from one measurement alone; None when it does not determine one."""
@@ -275,3 +299,19 @@ class CornerEkf:
 
     def _of_target(self, detections: Detections) -> list[TagDetection]:
         return [t for t in detections.tags if t.tag_id in self.target.corners_D]
+
+
+def _doubts_wheels(prior: FilterState, measurement: Measurement, rejected: int) -> bool:
+    """Return whether a measurement corrects a state without what the wheels have told since the last one.
+
+    Args:
+        prior: State at the measurement, by the wheels.
+        measurement: The measurement.
+        rejected: Number of measurements in a row, this one included, that do not agree with the wheels.
+    """
+    if isinstance(measurement, Detections) and prior.stamp_ns - prior.last_seen_ns > _UNTOLD_NS:
+        return False
+    doubted_ns = prior.doubted_ns
+    return rejected >= _DOUBTED_AFTER or (
+        doubted_ns is not None and prior.stamp_ns - doubted_ns <= _DOUBTED_NS
+    )

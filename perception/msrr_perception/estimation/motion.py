@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,6 +58,8 @@ class FilterState:
         rejected: Number of exposures in a row of which nothing passed the gate.
         noise_scale: Variance of the corners, as their residuals show it, over that by the data sheet.
         told_ns: Time until which the last measurement rests on what the wheels did [ns].
+        doubted_ns: Exposure time of the last measurement that agrees only if what the wheels tell is doubted;
+            None if each agrees with it.
     """
 
     stamp_ns: int
@@ -68,6 +70,7 @@ class FilterState:
     rejected: int = 0
     noise_scale: float = 1.0
     told_ns: int = 0
+    doubted_ns: int | None = None
 
     @property
     def X_DU(self) -> SE2:
@@ -93,6 +96,8 @@ class MotionNoise:
         turn_drift: Rotation of a unit at rest [rad per square root of a second].
         tilt_sigma: Standard deviation of pitch and roll [rad].
         tilt_time: Correlation time of pitch and roll [s].
+        doubted: Speed by which each wheel, and the unit sideways, may be off where readings are doubted: one
+            wheel spins on a smooth floor, or its encoder fails [m/s].
     """
 
     slip: float = 0.0003
@@ -104,6 +109,7 @@ class MotionNoise:
     turn_drift: float = 3e-4
     tilt_sigma: float = math.radians(0.05)
     tilt_time: float = 1.0
+    doubted: float = 0.2
 
 
 DEFAULT_NOISE = MotionNoise()
@@ -158,6 +164,7 @@ class DriveMotion:
             tilt_time=noise.tilt_time,
         )
         self._packed_drive = self._drive.packed()
+        self._doubted = noise.doubted
 
     def rates(self, state: FilterState, history: WheelHistory) -> Rates:
         """Return how the unit moves about an exposure with the time of a state as its stamp, by the wheels.
@@ -206,7 +213,16 @@ class DriveMotion:
         steps, wheels = self._steps(state, history, stamp_ns)
         mean, P = state.mean.copy(), state.covariance.copy()
         propagate(mean, P, steps, self._packed_drive)
-        return FilterState(stamp_ns, mean, P, wheels, state.last_seen_ns, state.rejected, state.noise_scale)
+        return FilterState(
+            stamp_ns,
+            mean,
+            P,
+            wheels,
+            state.last_seen_ns,
+            state.rejected,
+            state.noise_scale,
+            doubted_ns=state.doubted_ns,
+        )
 
     def to_measurement(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
         """Return the state moved forward to a measurement at ``stamp_ns``, with what encoders do not resolve.
@@ -218,14 +234,26 @@ class DriveMotion:
         if moved is state or state.wheels is None or moved.wheels is None:
             return moved
         # Each wheel for itself, and also where no tick has passed: it may have turned by less than one.
-        yaw, P = float(moved.mean[YAW]), moved.covariance
-        c, s = math.cos(yaw), math.sin(yaw)
-        P[0, 0] += 0.5 * self._rounding * c * c
-        P[0, 1] += 0.5 * self._rounding * c * s
-        P[1, 0] += 0.5 * self._rounding * c * s
-        P[1, 1] += 0.5 * self._rounding * s * s
-        P[2, 2] += 2.0 * self._rounding / self._drive.track**2
+        self._add_of_wheels(moved, self._rounding)
         return moved
+
+    def doubting(self, state: FilterState) -> FilterState:
+        """Return a state at a measurement with what the wheels have told since the last one in doubt."""
+        moved = replace(state, covariance=state.covariance.copy())
+        off = (self._doubted * seconds(state.stamp_ns - state.last_seen_ns)) ** 2
+        self._add_of_wheels(moved, off)
+        moved.covariance[[0, 1], [0, 1]] += off  # one that is pushed aside drives without its wheels
+        return moved
+
+    def _add_of_wheels(self, state: FilterState, variance: float) -> None:
+        """Add an error of the way of each wheel for itself, of a variance [m^2], to a covariance in place."""
+        yaw, P = float(state.mean[YAW]), state.covariance
+        c, s = math.cos(yaw), math.sin(yaw)
+        P[0, 0] += 0.5 * variance * c * c
+        P[0, 1] += 0.5 * variance * c * s
+        P[1, 0] += 0.5 * variance * c * s
+        P[1, 1] += 0.5 * variance * s * s
+        P[2, 2] += 2.0 * variance / self._drive.track**2
 
     def predict(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> PoseEstimate:
         """Return the pose in the dock frame at ``stamp_ns``, or at the time of the state if that is later."""

@@ -266,9 +266,11 @@ def test_a_carried_off_robot_finds_itself_again(
 def test_it_starts_anew_with_exactly_the_picture_that_reaches_the_threshold(
     target: TargetModel, scene: Scene, make_drive: MakeDrive, reset_after: int
 ) -> None:
-    """Carried off: ``reset_after`` - 1 pictures are gated out, and the next one is the new start."""
+    """Carried off unseen: ``reset_after`` - 1 pictures are gated out, and the next one is the new start."""
     ekf, drive = _ekf(target, scene, reset_after=reset_after), make_drive(6)
     _follow(drive, ekf, 150, 0)
+    for _ in range(30):
+        ekf.add_odometry(drive.step()[0])
     drive.X_DU = SE2(-0.65, -0.12, -0.2)
     pictures, before = 0, ekf.estimate(drive.now_ns)
     assert before is not None

@@ -1,0 +1,92 @@
+"""Wheels that turn otherwise than their encoders tell: images that do not agree with them prevail."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.loading.load import load_scene
+from msrr_scenes.messages import WheelOdometry
+from msrr_scenes.specs.scene import Scene
+from tests.perception.conftest import Drive
+
+#: Ticks of 10 ms: the encoders fail after the first, and are as they were before from the second on.
+FAILS, MENDED, END = 100, 250, 400
+
+Failure = Callable[[WheelOdometry, WheelOdometry], WheelOdometry]
+
+#: What failing encoders say, by what they should say and what they said last before; and largest error of the
+#: place [m]. Where both stand, a unit that drives straight on looks like one that stands, with a wrong lens.
+FAILURES: dict[str, tuple[Failure, float]] = {
+    "left stands": (lambda r, held: replace(r, left=held.left), 0.01),
+    "right stands": (lambda r, held: replace(r, right=held.right), 0.01),
+    "left is backwards": (lambda r, held: replace(r, left=2.0 * held.left - r.left), 0.01),
+    "both stand": (lambda r, held: replace(r, left=held.left, right=held.right), 0.03),
+}
+
+
+@pytest.fixture(scope="module")
+def careful() -> Scene:
+    return load_scene("close_range", {"as_built": "careful"}).told()
+
+
+@pytest.mark.parametrize("name", FAILURES)
+@pytest.mark.parametrize("seed", range(3))
+def test_images_prevail_over_encoders_that_fail(careful: Scene, name: str, seed: int) -> None:
+    """From half a second after they have failed, the pose at an exposure is that which images show.
+
+    The target is as drawn, and corners have errors of 0.3 px. Where the wheels are believed, headings are off
+    by 0.17 to 0.35 rad, or a third of the images is not used.
+    """
+    target = TargetModel.from_scene(careful, careful.docks[0])
+    ekf = CornerEkf(target, careful.odometry, corner_sigma_px=0.3)
+    drive = Drive(target, seed, SE2(-0.75, 0.05, 0.1), tags=target.port_tags)
+    failure, largest = FAILURES[name]
+    held, offset, errors, used = None, np.zeros(2), list[np.ndarray](), 0
+    while drive.tick < END:
+        true, picture = drive.step()
+        held = true if drive.tick <= FAILS else held
+        assert held is not None
+        told = true
+        if FAILS < drive.tick <= MENDED:
+            told = failure(true, held)
+            offset = np.array([told.left - true.left, told.right - true.right])
+        elif drive.tick > MENDED:  # an incremental encoder does not catch up on what it has missed
+            told = replace(true, left=true.left + float(offset[0]), right=true.right + float(offset[1]))
+        ekf.add_odometry(told)
+        if picture is None:
+            continue
+        ekf.add_detections(picture)
+        found = ekf.predict(drive.now_ns)
+        if drive.tick > FAILS + 50:
+            assert found is not None
+            used += found.last_seen_ns == drive.now_ns
+            errors.append(found.X_DU.as_array() - drive.X_DU.as_array())
+    off = np.abs(errors)
+    assert off[:, :2].max() < largest
+    assert off[:, 2].max() < math.radians(2.0)
+    assert used > 0.9 * len(errors)
+
+
+def test_wheels_that_slip_as_assumed_are_not_doubted(careful: Scene) -> None:
+    """Over 10 drives with 0.3 px corners and radii that are off by 1 %, no image is used without the wheels.
+
+    At a gate of 0.9999 per tag three images in a row are outside it by chance once in 1e11 drives.
+    """
+    target = TargetModel.from_scene(careful, careful.docks[0])
+    for seed in range(10):
+        ekf = CornerEkf(target, careful.odometry, corner_sigma_px=0.3)
+        drive = Drive(target, seed, SE2(-0.75, 0.05, 0.1), tags=target.port_tags, scale_error=0.01)
+        while drive.tick < END:
+            reading, picture = drive.step()
+            ekf.add_odometry(reading)
+            if picture is not None:
+                ekf.add_detections(picture)
+        assert ekf.doubted_ns is None
