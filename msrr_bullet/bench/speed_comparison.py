@@ -58,8 +58,10 @@ def read_comparison(path: Path) -> SpeedComparison:
     """
     try:
         return SpeedComparison.model_validate_json(path.read_text())
-    except (OSError, UnicodeDecodeError, ValidationError) as error:
-        raise BenchError(f"{path}: no comparison of msrr bench can be read there: {error}") from error
+    except OSError as error:
+        raise BenchError(f"{path}: cannot be read ({error.strerror})") from None
+    except (UnicodeDecodeError, ValidationError):
+        raise BenchError(f"{path}: no comparison; give a file of msrr bench --grade or --units") from None
 
 
 def variants_of(

@@ -34,6 +34,7 @@ from msrr_bullet.cli import (
 from msrr_bullet.cli.console import open_closed_streams, open_console
 from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, Terminated, os_error_text, report_error
 from msrr_bullet.cli.options import Overrides, check_writable, naming_overrides, parse_overrides, write_text
+from msrr_perception.photographs.opencv_environment import set_opencv_environment
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.wording import counted
 
@@ -59,6 +60,7 @@ def main() -> None:
     # Pydantic has plugins, for which it reads the metadata of every package that is installed. None is of use
     # here; who wants one sets this to the name of another.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    set_opencv_environment()
     open_closed_streams()
     signal.signal(signal.SIGTERM, _terminate)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # and not of nohup, which wants it ignored

@@ -110,9 +110,9 @@ def bench(
     console = open_console(stderr=json_file == STANDARD_OUTPUT)
     with status_line(console, f"{target}: measuring") as show:
         report, tables, worse = run(lambda text: show(f"{target}: {text}"))
+    write_output(json_file, report.to_json())
     for table in tables:
         console.print(table)
-    write_output(json_file, report.to_json())
     for line in worse:
         console.print(line)
     if worse:

@@ -13,7 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from msrr_bullet.cli.console import open_console, status_line
-from msrr_bullet.cli.options import STANDARD_OUTPUT, JsonFile, check_writable, write_output
+from msrr_bullet.cli.options import (
+    STANDARD_OUTPUT,
+    JsonFile,
+    check_no_source,
+    check_writable,
+    write_output,
+)
 from msrr_scenes.errors import SceneError
 from msrr_scenes.wording import counted
 
@@ -101,6 +107,7 @@ def calibrate(
     files = picture_files(images)
     file = out if out.suffix in (".yaml", ".yml") else out / "camera.yaml"
     written = [file, file.with_stem(f"{file.stem}_opencv"), file.with_suffix(".png")]
+    check_no_source(file.parent, images)
     make_folder(file.parent)
     for name in written:
         if name.exists():
@@ -111,12 +118,14 @@ def calibrate(
         found, missed = _calibrated(pattern, files, coefficients, show)
         dubious = 2 * len(missed) > len(files) or found.rms_px > _POOR_RESIDUAL_PX
         doubt = _doubt(pattern, files, missed) if dubious else ""
+    try:
+        write_output(json_file, json.dumps(_summary(found, missed), indent=1) + "\n")
         write_calibration(file, found.told)
         write_calibration(written[1], found.told, "opencv")
         draw_coverage(found, written[2])
-    _report(console, found, missed, doubt)
+    finally:
+        _report(console, found, missed, doubt)
     console.print("files: " + ", ".join(map(str, written)), soft_wrap=True, highlight=False)
-    write_output(json_file, json.dumps(_summary(found, missed), indent=1) + "\n")
 
 
 def _board(kind: Kind, size: str, square_mm: float, marker_mm: float | None, family: str | None) -> Board:

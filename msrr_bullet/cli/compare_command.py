@@ -32,5 +32,5 @@ def compare(
     comparison = compare_sweeps(first, second)
     names = (first.stem, second.stem) if first.stem != second.stem else (str(first), str(second))
     table = comparison_table(comparison, *names)
-    open_console(stderr=json_file == STANDARD_OUTPUT).print(table)
     write_output(json_file, comparison.model_dump_json(indent=2) + "\n")
+    open_console(stderr=json_file == STANDARD_OUTPUT).print(table)

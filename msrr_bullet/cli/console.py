@@ -31,14 +31,22 @@ def open_console(*, stderr: bool = False) -> Console:
     """Return a console that reads no markup and no emoji codes in what it prints, tables included."""
     from rich.console import Console
 
-    return Console(stderr=stderr, markup=False, emoji=False)
+    class PlainConsole(Console):
+        def on_broken_pipe(self) -> None:
+            # Called where a BrokenPipeError is handled; Rich would end the program there, with work undone.
+            raise
+
+    return PlainConsole(stderr=stderr, markup=False, emoji=False)
 
 
 @contextmanager
 def status_line(console: Console, text: str) -> Iterator[Callable[[str], None]]:
-    """Show ``text`` beside a spinner; yield the function that replaces it."""
+    """Show ``text`` beside a spinner, on a terminal; yield the function that replaces it."""
     from rich.text import Text
 
+    if not console.is_terminal:  # Rich would end it by an empty line, which may not find room
+        yield lambda new: None
+        return
     # A status made from a plain text reads markup in it, whatever its console does.
     with console.status(Text(text)) as status:
         yield lambda new: status.update(Text(new))

@@ -13,9 +13,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from msrr_bullet.cli.console import open_console, status_line
-from msrr_bullet.cli.exit_codes import BAD_INPUT, report_error
-from msrr_bullet.cli.options import STANDARD_OUTPUT, JsonFile, check_writable, write_output
-from msrr_scenes.errors import SceneError
+from msrr_bullet.cli.exit_codes import BAD_INPUT, Terminated, report_error
+from msrr_bullet.cli.options import (
+    STANDARD_OUTPUT,
+    JsonFile,
+    check_no_source,
+    check_writable,
+    write_output,
+)
+from msrr_scenes.errors import MsrrError, SceneError
 from msrr_scenes.wording import counted
 
 if TYPE_CHECKING:
@@ -70,7 +76,7 @@ def detect(
 ) -> None:
     """Find AprilTags in pictures and films.
 
-    The exit code is 2 if one of the files cannot be read.
+    The exit code is 2 if one of the files cannot be read. Ctrl-C ends it, and what is done is reported.
     """
     from msrr_bullet.run_folder import make_folder
     from msrr_perception.photographs.picture_files import picture_files
@@ -84,25 +90,28 @@ def detect(
     files = picture_files(images)
     check_writable(json_file, "--json", [*files, calibration])
     if out is not None:
-        if any(given.is_dir() and given.resolve() == out.resolve() for given in images):
-            raise SceneError(
-                f"--out {out}: pictures are read from there, and a later command would take what is drawn "
-                "for one of them; name another folder"
-            )
+        check_no_source(out, images)
         make_folder(out)
     console = open_console(stderr=json_file == STANDARD_OUTPUT)
-    work = _Work()
+    work, stopped = _Work(), None
     with status_line(console, "reading") as show:
-        for i, file in enumerate(files):
-            show(f"{i + 1} of {len(files)}: {file}")
-            _read_file(file, reader, out, work)
+        try:
+            for i, file in enumerate(files):
+                show(f"{i + 1} of {len(files)}: {file}")
+                _read_file(file, reader, out, work)
+        except (KeyboardInterrupt, Terminated, MsrrError) as error:  # what is done is reported
+            if not work.pictures:
+                raise
+            stopped = error
+    write_output(json_file, json.dumps(_report(work), indent=1) + "\n")
     if work.pictures:
         console.print(_table(work.pictures))
         console.print(_summary(work), highlight=False)
         if not any(picture.tags for picture in work.pictures):
             searched = ", ".join(reader.families)
             console.print(f"no tag of {searched} was found; --family names another family", highlight=False)
-    write_output(json_file, json.dumps(_report(work), indent=1) + "\n")
+    if stopped is not None:
+        raise stopped
     raise typer.Exit(BAD_INPUT if work.failed else 0)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import _thread
 import os
+import signal
 import sys
 import threading
 import traceback
@@ -56,16 +57,16 @@ class ExitCodeGroup(TyperGroup):
         with _swallowed_interrupts() as swallowed:
             result = self._invoke(ctx, swallowed)
             if swallowed:
-                raise SystemExit(report_error("interrupted", INTERRUPTED))
+                raise SystemExit(_reported(swallowed[0]))
             return result
 
-    def _invoke(self, ctx: Any, swallowed: Sequence[object]) -> Any:
+    def _invoke(self, ctx: Any, swallowed: Sequence[int]) -> Any:
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            raise SystemExit(report_error("interrupted", INTERRUPTED)) from None
+            raise SystemExit(_reported(signal.SIGINT)) from None
         except Terminated as end:
-            raise SystemExit(report_error("terminated", 128 + end.number)) from None
+            raise SystemExit(_reported(end.number)) from None
         except BrokenPipeError:
             # The reader of the output has gone away; Python would report that once more at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -76,7 +77,7 @@ class ExitCodeGroup(TyperGroup):
             raise SystemExit(report_error(str(error), BAD_INPUT)) from None
         except Exception as error:
             if swallowed:  # the error may follow from the work that the interrupt cut short
-                raise SystemExit(report_error("interrupted", INTERRUPTED)) from None
+                raise SystemExit(_reported(swallowed[0])) from None
             if hasattr(error, "exit_code"):  # typer's own exceptions: usage errors, and the end of a command
                 raise
             traceback.print_exc()
@@ -84,26 +85,36 @@ class ExitCodeGroup(TyperGroup):
             raise SystemExit(report_error(text, PROGRAM_ERROR)) from None
 
 
+def _reported(number: int) -> int:
+    """Write to standard error that a signal has ended the program, and return the exit code."""
+    if number == signal.SIGINT:
+        return report_error("interrupted", INTERRUPTED)
+    return report_error("terminated", 128 + number)
+
+
 @contextmanager
-def _swallowed_interrupts() -> Iterator[Sequence[object]]:
-    """Collect the interrupts that a callback from C could not raise, and raise each again a little later.
+def _swallowed_interrupts() -> Iterator[Sequence[int]]:
+    """Collect the signals whose exception a callback from C could not raise, and send each again a bit later.
 
     numba's compiler calls back from C. Python can only report an exception that is raised there, and goes on.
     """
+    numbers: list[int] = []
     timers: list[threading.Timer] = []
     original_hook = sys.unraisablehook
 
-    def retry_interrupt(unraisable: UnraisableHookArgs) -> None:
-        if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+    def retry(unraisable: UnraisableHookArgs) -> None:
+        error = unraisable.exc_value
+        if not isinstance(error, (KeyboardInterrupt, Terminated)):
             original_hook(unraisable)
             return
-        timers.append(threading.Timer(_RETRY_S, _thread.interrupt_main))
+        numbers.append(error.number if isinstance(error, Terminated) else signal.SIGINT)
+        timers.append(threading.Timer(_RETRY_S, _thread.interrupt_main, [numbers[-1]]))
         timers[-1].daemon = True
         timers[-1].start()
 
-    sys.unraisablehook = retry_interrupt
+    sys.unraisablehook = retry
     try:
-        yield timers
+        yield numbers
     finally:
         sys.unraisablehook = original_hook
         for timer in timers:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from msrr_bullet.cli.console import open_console, status_line
+from msrr_bullet.cli.options import check_no_source
 from msrr_scenes.errors import SceneError
 from msrr_scenes.wording import counted
 
@@ -59,6 +60,7 @@ def map_pictures(
 
     files = picture_files(images)
     detector = for_lens(PupilDetector(family), lens)
+    check_no_source(out, images)
     make_folder(out)
     console = open_console()
     with status_line(console, "reading the pictures") as show:
@@ -68,9 +70,10 @@ def map_pictures(
             show(f"{counted(len(pictures), 'picture')} read")
         show("adjusting the map")
         found = map_tags(pictures, lens, tag_size, refine_lens=refine_lens)
-        show("drawing")
+    try:
         written = write_results(out, found, family)
-    _report(console, found)
+    finally:
+        _report(console, found)
     typer.echo("files: " + ", ".join(map(str, written)))
 
 

@@ -193,6 +193,19 @@ def check_writable(file: Path | None, option: str = "--json", taken: Iterable[Pa
         raise SceneError(text) from None
 
 
+def check_no_source(out: Path, images: Iterable[Path]) -> None:
+    """Refuse a folder for figures from which pictures are read: a later command would read them as well.
+
+    Raises:
+        SceneError: It is one of ``images``.
+    """
+    if any(given.is_dir() and given.resolve() == out.resolve() for given in images):
+        raise SceneError(
+            f"--out {out}: pictures are read from there, and a later command would take what is drawn for "
+            "one of them; name another folder"
+        )
+
+
 def write_output(file: Path | None, text: str) -> None:
     """Write ``text`` to a file that an option names, to standard output for ``-``, and nowhere for None."""
     if file == STANDARD_OUTPUT:

@@ -141,6 +141,7 @@ def plot(
         verdict = read_verdict(log) or (None if log.header.recording else "interrupted")
         headline = ", ".join(filter(None, (verdict, log.header.origin)))
         write_plot(file, log.header.scene, read_snapshots(log), headline, unit)
+        warn_of_early_end(log)
     typer.echo(str(file))
 
 

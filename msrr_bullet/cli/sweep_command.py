@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -80,7 +81,9 @@ class _EndedTrials:
         return [self._by_seed[seed] for seed in seeds if seed in self._by_seed]
 
     def _print(self, text: str, style: str | None = None) -> None:
-        self._bar.console.print(text, style=style, highlight=False, soft_wrap=True)
+        # Trials go on where nobody reads of them any more; the table at the end tells of the error.
+        with suppress(OSError):
+            self._bar.console.print(text, style=style, highlight=False, soft_wrap=True)
 
 
 def sweep(
@@ -150,27 +153,29 @@ def sweep(
 
     console = open_console(stderr=STANDARD_OUTPUT in (json_file, csv_file))
     stopped: Terminated | StoreError | None = None
-    with naming_overrides(given), progress_bar(console) as bar:
-        ended = _EndedTrials(bar, loaded, len(wanted))
-        run = partial(run_sweep, loaded, wanted, store=kept, observer=ended.show, wall_limit_s=wall_limit)
-        try:
-            if dask is None:
-                prepare_cameras(loaded, lambda text: bar.console.print(text, highlight=False))
-                summary = run(jobs or DEFAULT_JOBS)
-            else:
-                with dask_cluster(dask) as cluster:
-                    summary = run(cluster.slots, executor=cluster.executor)
-        except (Terminated, StoreError) as error:
-            if not ended.of(wanted):
-                raise
-            stopped = error
-    rows = ended.of(wanted)
-    if stopped is not None:
-        summary = summary_of(loaded, rows, reused=ended.reused, interrupted=True)
+    summary: SweepSummary | None = None
     try:
-        write_outputs([(json_file, summary.to_json), (csv_file, lambda: trials_csv(rows))])
+        with naming_overrides(given), progress_bar(console) as bar:
+            ended = _EndedTrials(bar, loaded, len(wanted))
+            run = partial(run_sweep, loaded, wanted, store=kept, observer=ended.show, wall_limit_s=wall_limit)
+            try:
+                if dask is None:
+                    prepare_cameras(loaded, lambda text: bar.console.print(text, highlight=False))
+                    summary = run(jobs or DEFAULT_JOBS)
+                else:
+                    with dask_cluster(dask) as cluster:
+                        summary = run(cluster.slots, executor=cluster.executor)
+            except (Terminated, StoreError) as error:
+                if not ended.of(wanted):
+                    raise
+                stopped = error
+                summary = summary_of(loaded, ended.of(wanted), reused=ended.reused, interrupted=True)
+            rows = ended.of(wanted)
+            # Before anything is shown, for the reader of the standard output may have gone away.
+            write_outputs([(json_file, summary.to_json), (csv_file, lambda: trials_csv(rows))])
     finally:
-        console.print(sweep_table(summary))
+        if summary is not None:
+            console.print(sweep_table(summary))
     if stopped is not None:
         raise stopped
     _exit(summary)

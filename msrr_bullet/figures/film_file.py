@@ -32,7 +32,7 @@ class FilmError(MsrrError):
 
 
 class FilmFile:
-    """A film that is being written. Use it in a ``with`` block: after an error there is no file."""
+    """A film that is being written. Use it in a ``with`` block: an older one stays until it is whole."""
 
     def __init__(self, path: Path, pictures: int) -> None:
         """Prepare a file.
@@ -45,6 +45,8 @@ class FilmFile:
             FilmError: There is no such kind of film, no such folder, or a GIF would have too many pictures.
         """
         self._path, self._kind = path, path.suffix.lower()
+        # In the same folder, to be moved within one disk.
+        self._part = path.resolve().with_name(f".msrr-{os.getpid()}{self._kind}")
         self._writer: cv2.VideoWriter | None = None
         self._written = 0
         self._gif: list[Image] = []
@@ -73,7 +75,7 @@ class FilmFile:
             code = cv2.VideoWriter.fourcc(*_CODES[self._kind])
             size = picture.shape[1], picture.shape[0]
             with _silent_standard_error():
-                self._writer = cv2.VideoWriter(str(self._path), cv2.CAP_FFMPEG, code, RATE, size)
+                self._writer = cv2.VideoWriter(str(self._part), cv2.CAP_FFMPEG, code, RATE, size)
             if not self._writer.isOpened():
                 raise FilmError(f"{self._path}: no film can be begun here; is the disk full?")
         self._writer.write(picture)
@@ -91,23 +93,33 @@ class FilmFile:
             if self._writer is not None:
                 self._finish(self._writer, broken_off=kind is not None)
             elif kind is None and self._gif:
-                _write_gif(self._path, self._gif)
+                self._part.write_bytes(_gif(self._path, self._gif))
+                self._replace()
+        except OSError as failure:
+            raise FilmError(f"{self._path}: cannot be written ({failure.strerror})") from None
         finally:
+            self._part.unlink(missing_ok=True)
             logging.setLogLevel(self._level)
 
     def _finish(self, writer: cv2.VideoWriter, *, broken_off: bool) -> None:
-        writer.release()
-        if broken_off:
-            self._path.unlink(missing_ok=True)
-        elif _pictures_in(self._path) != self._written:
-            self._path.unlink(missing_ok=True)
+        with _silent_standard_error():
+            writer.release()
+            whole = not broken_off and _pictures_in(self._part) == self._written
+        if whole:
+            self._replace()
+        elif not broken_off:
             raise FilmError(f"{self._path}: cannot be written to its end; is the disk full?")
+
+    def _replace(self) -> None:
+        if self._path.exists():
+            self._path.open("r+").close()  # one that may not be written may not be replaced
+        self._part.replace(self._path.resolve())
 
 
 @contextmanager
 def _silent_standard_error() -> Iterator[None]:
-    # OpenCV remarks at every WebM that this kind of file has no list of codes, at no level of its log: it
-    # writes from C to the file descriptor.
+    # OpenCV remarks at every WebM that this kind of file has no list of codes, and of films that are cut off,
+    # at no level of its log: it writes from C to the file descriptor.
     sys.stderr.flush()
     kept, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
@@ -128,7 +140,8 @@ def _pictures_in(path: Path) -> int:
     return round(film.get(cv2.CAP_PROP_FRAME_COUNT)) if film.isOpened() else 0
 
 
-def _write_gif(path: Path, pictures: list[Image]) -> None:
+def _gif(path: Path, pictures: list[Image]) -> bytes:
+    """Return the bytes of a GIF; ``path`` is for messages."""
     animation = cv2.Animation()
     animation.frames, animation.durations = pictures, [1000 // RATE] * len(pictures)
     colours = [cv2.IMWRITE_GIF_QUALITY, cv2.IMWRITE_GIF_COLORTABLE_SIZE_256]
@@ -136,8 +149,4 @@ def _write_gif(path: Path, pictures: list[Image]) -> None:
     encoded, data = cv2.imencodeanimation(_GIF, animation, colours)
     if not encoded:
         raise FilmError(f"{path}: OpenCV cannot write a GIF of these pictures")
-    try:
-        path.write_bytes(data.tobytes())
-    except OSError as error:
-        path.unlink(missing_ok=True)
-        raise FilmError(f"{path}: cannot be written ({error.strerror})") from None
+    return np.asarray(data).tobytes()

@@ -7,9 +7,19 @@ from functools import partial
 from pathlib import Path
 
 from msrr_bullet.recordings.recording import RecordedFrame, Recording, RecordingError
-from msrr_perception.photographs.picture_files import FILMS, picture_files, read_film, read_picture
+from msrr_perception.photographs.picture_files import (
+    FILMS,
+    announced_frames,
+    picture_files,
+    read_film,
+    read_picture,
+)
 from msrr_scenes.messages import NS_PER_S, Pixels
 from msrr_scenes.wording import counted
+
+#: Share of the frames that a film announces below which it is taken to be cut off: where it tells its
+#: length and not the number of frames, that number follows from a nominal rate.
+_LEAST_SHARE = 0.9
 
 
 def open_film(path: Path, latency_ns: int) -> Recording:
@@ -25,11 +35,14 @@ def open_film(path: Path, latency_ns: int) -> Recording:
     next(read_film(path))  # a file that is none is refused before the work begins
 
     def frames() -> Iterator[RecordedFrame]:
-        before_ns = -1
+        before_ns, number = -1, -1
         for number, (name, time_s, pixels) in enumerate(read_film(path)):
             # Formats with times in milliseconds may give two frames the same one.
             before_ns = stamp_ns = max(round(time_s * NS_PER_S), before_ns + 1)
             yield RecordedFrame(name, stamp_ns, stamp_ns + latency_ns, partial(_known, pixels), number)
+        announced = announced_frames(path)
+        if number + 1 < _LEAST_SHARE * announced:
+            raise RecordingError(f"{path}: the film ends after {number + 1} of {announced} frames")
 
     return Recording(str(path), frames)
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from msrr_bullet.log import topics
+from msrr_bullet.log.codec import LogError
 from msrr_bullet.log.reader import Log, read_log
 from msrr_bullet.log.records import CameraWindow
 from msrr_bullet.recordings.recording import (
@@ -17,7 +20,18 @@ from msrr_bullet.recordings.recording import (
     RecordingError,
     WheelReading,
 )
-from msrr_scenes.messages import OVERHEAD, Action, Detections, Exposure, Pixels, WheelOdometry, onboard_camera
+from msrr_scenes.messages import (
+    OVERHEAD,
+    Action,
+    Detections,
+    Exposure,
+    Pixels,
+    WheelOdometry,
+    onboard_camera,
+    seconds,
+)
+
+T = TypeVar("T")
 
 
 def open_trial(path: Path, topic: str | None, odometry: bool = True) -> Recording:
@@ -33,7 +47,8 @@ def open_trial(path: Path, topic: str | None, odometry: bool = True) -> Recordin
         RecordingError: Its cameras delivered windows of frames, or nothing, or several of them have frames.
     """
     log = read_log(path)
-    cameras = {m.camera for _, m in log.messages(Exposure, "/camera/*") if m.camera != OVERHEAD}
+    exposures = _before_damage(log.messages(Exposure, "/camera/*"))
+    cameras = {m.camera for _, m in exposures if m.camera != OVERHEAD}
     known = sorted(topics.exposure(camera) for camera in cameras)
     if topic is None and len(known) == 1:
         topic = known[0]
@@ -53,7 +68,7 @@ def open_trial(path: Path, topic: str | None, odometry: bool = True) -> Recordin
 def _items(log: Log, unit: str, odometry: bool) -> Iterator[Item]:
     camera = onboard_camera(unit)
     detections = log.messages(Detections, topics.sensor(unit, Detections(Exposure("", 0, 0), (), ())))
-    arrivals = {m.exposure: stamp for stamp, m in detections if m.exposure.camera == camera}
+    arrivals = {m.exposure: t for t, m in _before_damage(detections) if m.exposure.camera == camera}
     wheels = topics.sensor(unit, WheelOdometry(unit, 0, 0.0, 0.0))
     exposure: Exposure | None = None
     for record in log.records(topics.exposure(camera), topics.window(camera), wheels, topics.action(unit)):
@@ -70,6 +85,14 @@ def _items(log: Log, unit: str, odometry: bool) -> Iterator[Item]:
             yield WheelReading(record.stamp_ns, reading.stamp_ns, reading.left, reading.right)
         elif record.kind is Action:
             yield Decision(record.stamp_ns)
+    if not log.complete:
+        raise RecordingError(f"{log.path}: the log ends early, at {seconds(log.end_ns()):.3f} s")
+
+
+def _before_damage(messages: Iterator[tuple[int, T]]) -> Iterator[tuple[int, T]]:
+    """Yield what comes before a log is damaged, which is told when its frames have been read so far."""
+    with suppress(LogError):
+        yield from messages
 
 
 def _pixels(window: CameraWindow) -> Pixels:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -18,6 +19,10 @@ from msrr_scenes.errors import SceneError
 from msrr_scenes.outcome import Outcome
 
 _SUCCESSES = (Outcome.DOCKED.value, Outcome.COMPLETE.value)
+#: Outcomes of trials; that of one without a result is empty.
+_OUTCOMES = frozenset({"", *(outcome.value for outcome in Outcome)})
+#: What is read of a cell that a row lacks: no text that a table may hold.
+_LACKS = "\0"
 
 
 class _Figure(NamedTuple):
@@ -195,19 +200,24 @@ def _read(path: Path) -> tuple[str, dict[int, _Trial]]:
         Name of the scene, empty if the table does not tell, and the trials by seed.
 
     Raises:
-        SceneError: The file cannot be read, lacks a column, holds what is no number, holds a step twice, or
-            is of several scenes.
+        SceneError: The file cannot be read, is cut off, lacks a column, holds what is no number or no
+            outcome, holds a step twice, or is of several scenes.
     """
     trials: dict[int, _Trial] = {}
     scene = ""
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            reader = csv.DictReader(file)
+            text = file.read()
+            reader = csv.DictReader(io.StringIO(text, newline=""), restval=_LACKS)
             missing = [name for name in _COLUMNS if name not in (reader.fieldnames or ())]
             if missing:
                 raise SceneError(f"{path}: no column {missing[0]}; give a table of msrr sweep --csv")
+            if not text.endswith(("\n", "\r")):
+                raise SceneError(f"{path}: cut off within its last line; write it anew")
             for row in reader:
                 place = f"{path}, line {reader.line_num}"
+                if None in row or _LACKS in row.values():
+                    raise SceneError(f"{place}: another number of cells than of columns; write it anew")
                 named = row.get("scene") or scene
                 if scene and named != scene:
                     raise SceneError(f"{place}: scene {named} after {scene}; give one sweep a file")
@@ -228,6 +238,10 @@ def _add(trials: dict[int, _Trial], row: dict[str, str], place: str) -> None:
         seed = int(row["seed"])  # exactly: a float does not tell large seeds apart
     except ValueError:
         raise SceneError(f"{place}: seed is {row['seed']!r}, which is no whole number") from None
+    if seed < 0:
+        raise SceneError(f"{place}: seed is {seed}, and none is negative")
+    if row["outcome"] not in _OUTCOMES:
+        raise SceneError(f"{place}: outcome is {row['outcome']!r}, which no trial has")
     duration_s = _number(row, "duration_s", place)
     trial = trials.setdefault(seed, _Trial(row["outcome"] in _SUCCESSES, duration_s))
     if row["step"] in trial.steps:

@@ -6,25 +6,17 @@ belongs to the sensor and not to the way the camera was held.
 
 from __future__ import annotations
 
-import os
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-#: Largest number of pixels of a picture: four times those of the largest camera of a telephone.
-MOST_PIXELS = 2**27
+import cv2
+import numpy as np
+from numpy.typing import NDArray
 
-# OpenCV takes these from the environment when it is loaded: what it refuses to decode needs no memory, and
-# errors are reported by this module alone. If it is loaded already, the size is checked afterwards.
-os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MOST_PIXELS))
-os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
-
-import cv2  # noqa: E402 - after its environment
-import numpy as np  # noqa: E402
-from numpy.typing import NDArray  # noqa: E402
-
-from msrr_scenes.errors import MsrrError  # noqa: E402
-from msrr_scenes.messages import Pixels  # noqa: E402
+from msrr_perception.photographs.opencv_environment import MOST_PIXELS
+from msrr_scenes.errors import MsrrError
+from msrr_scenes.messages import Pixels
 
 #: Names of files that are looked for in a folder.
 PICTURES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp")
@@ -42,7 +34,9 @@ class PictureError(MsrrError):
 
 
 def picture_files(paths: Iterable[Path]) -> tuple[Path, ...]:
-    """Return the files that were named, and all pictures and films of the folders that were named, sorted.
+    """Return the files that were named, and all pictures and films of the folders that were named.
+
+    Those of a folder are in the order of their names, numbers in which count as such: 2 is before 10.
 
     Raises:
         PictureError: A folder holds neither, or cannot be read.
@@ -52,11 +46,17 @@ def picture_files(paths: Iterable[Path]) -> tuple[Path, ...]:
         if not path.is_dir():
             files.append(path)
             continue
-        inside = sorted(p for p in path.iterdir() if p.suffix.lower() in PICTURES + FILMS)
+        inside = sorted((p for p in path.iterdir() if p.suffix.lower() in PICTURES + FILMS), key=_order)
         if not inside:
             raise PictureError(f"{path}: no picture or film in this folder ({' '.join(PICTURES + FILMS)})")
         files.extend(inside)
     return tuple(dict.fromkeys(files))
+
+
+def _order(file: Path) -> tuple[list[str | int], str]:
+    """Return by what files are sorted; every second part of a name is a number."""
+    parts = re.split(r"([0-9]+)", file.stem)
+    return [int(part) if i % 2 else part for i, part in enumerate(parts)], file.name
 
 
 def read_pictures(file: Path) -> Iterator[tuple[str, Pixels]]:
@@ -143,6 +143,15 @@ def read_film(file: Path) -> Iterator[tuple[str, float, Pixels]]:
         film.release()
     if not number:
         raise PictureError(f"{file}: not a film that OpenCV can read, or a damaged one")
+
+
+def announced_frames(file: Path) -> int:
+    """Return how many frames a film says that it has; 0 if it does not say it."""
+    film = cv2.VideoCapture(str(file))
+    try:
+        return max(round(film.get(cv2.CAP_PROP_FRAME_COUNT)), 0) if film.isOpened() else 0
+    finally:
+        film.release()
 
 
 def mono8(grey: NDArray[np.generic], name: str) -> Pixels:

@@ -18,6 +18,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.distortion import COEFFICIENTS
+from msrr_scenes.loading.camera_lenses import explained_fold
 from msrr_scenes.loading.problems import dotted
 from msrr_scenes.loading.yaml_document import YamlDocument, parse_document, read_text
 from msrr_scenes.specs.sensors import CalibrationSpec
@@ -186,7 +187,7 @@ def _calibration(file: _CalibrationFile, path: Path | str) -> CalibrationSpec:
     if any(lens.data[known:]):
         text = f"only {', '.join(COEFFICIENTS)} are known, and there are further ones that are not zero"
         raise SceneError(f"{path}: distortion_coefficients: {text}; calibrate without them")
-    return CalibrationSpec(
+    told = CalibrationSpec(
         fx_px=fx,
         fy_px=fy,
         cx_px=cx,
@@ -195,6 +196,10 @@ def _calibration(file: _CalibrationFile, path: Path | str) -> CalibrationSpec:
         width_px=file.image_width,
         height_px=file.image_height,
     )
+    fold = explained_fold(told.lens(file.image_width, file.image_height))
+    if fold is not None:
+        raise SceneError(f"{path}: distortion_coefficients: {fold}; calibrate with fewer coefficients")
+    return told
 
 
 def _size(matrix: _Matrix) -> str:

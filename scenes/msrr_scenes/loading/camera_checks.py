@@ -6,10 +6,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
-
-from msrr_scenes.geometry.distortion import COEFFICIENTS, fold_radius
-from msrr_scenes.geometry.lens import Lens, frame_outline
+from msrr_scenes.geometry.distortion import COEFFICIENTS
+from msrr_scenes.geometry.lens import Lens
+from msrr_scenes.loading.camera_lenses import explained_fold
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.registry import is_import_path
 from msrr_scenes.specs.scene import Scene
@@ -66,7 +65,7 @@ def _calibration_problems(name: str, spec: CameraSpec) -> Iterator[Problem]:
             )
             yield Problem(path, text)
     lens = spec.lens
-    folds = _folds(lens)
+    folds = explained_fold(lens)
     if max(lens.distortion.aspect, 1.0 / lens.distortion.aspect) > _MOST_ASPECT:
         text = f"pixels are nearly square, and fx_px = {told.fx_px:g} is far from fy_px = {told.fy_px:g}"
         yield Problem(path, f"{text}; give both in pixels")
@@ -94,22 +93,10 @@ def _lens_problems(scene: Scene, name: str, spec: CameraSpec) -> Iterator[Proble
     errors = {key: deviation.error or 0.0 for key, deviation in deviations.items()}
     if any(errors.values()):
         coefficients = {key: getattr(told.distortion, key) + error for key, error in errors.items()}
-        folds = _folds(Lens(told.camera, replace(told.distortion, **coefficients)))
+        folds = explained_fold(Lens(told.camera, replace(told.distortion, **coefficients)))
         if folds is not None:
             text = f"{folds}; use smaller coefficients or a smaller field of view of cameras.{name}"
             yield Problem(("as_built", name), text)
-
-
-def _folds(lens: Lens) -> str | None:
-    """Return in words where a lens shows two points of the scene at one pixel of the frame, if it does."""
-    radius, camera = fold_radius(lens.camera, lens.distortion), lens.camera
-    if radius is None:
-        return None
-    corner = np.hypot(*(frame_outline(camera.frame) - [camera.cx, camera.cy]).T).max()
-    return (
-        f"with {lens.distortion} two points of the scene appear at one pixel: it has an inverse up to "
-        f"about {radius:.0f} px from the principal point, and the frame reaches to {corner:.0f} px"
-    )
 
 
 def _draws_one_instant(spec: CameraSpec) -> bool:

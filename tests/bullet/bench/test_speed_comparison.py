@@ -115,7 +115,10 @@ def test_many_units_build_a_line_of_the_first_of_them() -> None:
         (["close_range", "--plot", "b.png"], "expected --grade or --units"),
         (["close_range", "--grade", "careful", "--profile", "p.html"], "expected no --grade"),
         (["close_range", "--grade", "sloppy"], "found 'sloppy'"),
-        (["close_range", "--grade", "careful", "--against", "none.json"], "none.json: no comparison"),
+        (
+            ["close_range", "--grade", "careful", "--against", "none.json"],
+            "none.json: cannot be read (No such file",
+        ),
         (["two_units", "--grade", "careful", "--against", str(STORED)], "nothing in common"),
         (["close_range", "--grade", "careful", "--plot", "b.xyz"], "b.xyz: no format for plots"),
         (["close_range", "--profile", "no/p.html"], "--profile no/p.html: not a file in an existing folder"),

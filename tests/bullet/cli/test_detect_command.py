@@ -1,6 +1,9 @@
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -9,6 +12,7 @@ import pytest
 
 from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import BAD_INPUT
+from msrr_scenes.errors import MsrrError
 
 CALIBRATION = """
 image_width: 160
@@ -108,6 +112,56 @@ def test_a_calibration_of_another_size_is_refused(folder: Path, capfd: pytest.Ca
     cv2.imwrite(str(folder / "tag.png"), np.full((100, 100), 200, np.uint8))
     assert run(["detect", str(folder / "tag.png"), "--calibration", "camera.yaml"]) == BAD_INPUT
     assert "calibration is of pictures of 160 x 140 px" in capfd.readouterr().err
+
+
+def test_numbers_are_written_where_the_table_cannot_be(folder: Path) -> None:
+    command = f"{sys.executable} -m msrr_bullet detect {folder / 'tag.png'} --json n.json > /dev/full"
+    ended = subprocess.run(command, shell=True, capture_output=True, text=True)
+    assert ended.returncode == BAD_INPUT
+    assert "Traceback" not in ended.stderr
+    assert len(json.loads(Path("n.json").read_text())["images"]) == 1
+
+
+def test_what_was_read_is_reported_where_the_next_picture_cannot_be_drawn(
+    folder: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The disk is full at the second picture, or Ctrl-C ends the work there."""
+    shutil.copy(folder / "tag.png", folder / "tag2.png")
+    (folder / "bad.png").unlink()
+    for error, code in ((MsrrError("no room"), BAD_INPUT), (KeyboardInterrupt(), 130)):
+
+        def fail_at_second(path: Path, image: object, error: BaseException = error) -> None:
+            if path.name.startswith("tag2"):
+                raise error
+
+        monkeypatch.setattr("msrr_bullet.figures.canvas.write_png", fail_at_second)
+        assert run(["detect", str(folder), "--out", "drawn", "--json", "n.json"]) == code
+        assert "2 pictures, 2 tags" in capfd.readouterr().out
+        assert len(json.loads(Path("n.json").read_text())["images"]) == 2
+
+
+def test_errors_of_opencv_are_reported_once(folder: Path) -> None:
+    cv2.imwrite("whole.tiff", np.full((100, 100), 200, np.uint8))
+    Path("cut.tiff").write_bytes(Path("whole.tiff").read_bytes()[:60])
+    ended = subprocess.run([sys.executable, "-m", "msrr_bullet", "detect", "cut.tiff"], capture_output=True)
+    assert ended.returncode == BAD_INPUT
+    assert ended.stderr.decode().splitlines() == [
+        "msrr: cut.tiff: not a picture that OpenCV can read, or a damaged one"
+    ]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["calibrate", "--board", "7x5", "--square-mm", "30", "--out", "pictures/camera.yaml"],
+        ["map", "--calibration", "camera.yaml", "--tag-size", "0.05", "--out", "pictures"],
+    ],
+)
+def test_no_figures_are_written_among_the_pictures_that_are_read(
+    folder: Path, command: list[str], capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert run([command[0], str(folder), *command[1:]]) == BAD_INPUT
+    assert "name another folder" in capfd.readouterr().err
 
 
 def test_nothing_is_drawn_among_the_pictures_that_are_read(

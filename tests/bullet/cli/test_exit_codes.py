@@ -16,6 +16,7 @@ import pytest
 import typer
 
 from msrr_bullet.cli.app import run
+from msrr_bullet.cli.exit_codes import Terminated
 from msrr_scenes.errors import SceneError
 
 Capture = pytest.CaptureFixture[str]
@@ -25,8 +26,14 @@ Capture = pytest.CaptureFixture[str]
 def interruptible() -> Iterator[None]:
     """Take interrupts, which a shell switches off for what it starts in the background of a script."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    term = signal.signal(signal.SIGTERM, terminate)
     yield
     signal.signal(signal.SIGINT, before)
+    signal.signal(signal.SIGTERM, term)
+
+
+def terminate(number: int, frame: object) -> NoReturn:
+    raise Terminated(number)
 
 
 @pytest.mark.parametrize(
@@ -55,10 +62,10 @@ def test_what_ends_a_command_early(
     assert ("Traceback" in err) is (code == 70)  # a mistake of ours is not hidden
 
 
-@ctypes.CFUNCTYPE(None)
-def interrupted_callback() -> None:
+@ctypes.CFUNCTYPE(None, ctypes.c_int)
+def interrupted_callback(number: int) -> None:
     """Python cannot raise what is raised here: it is called from C, as by a compiler."""
-    signal.raise_signal(signal.SIGINT)
+    signal.raise_signal(number)
 
 
 def stumbling() -> None:
@@ -70,23 +77,31 @@ def going_on() -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.parametrize(
+    ("number", "code", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+)
 @pytest.mark.parametrize("then", [stumbling, lambda: None, going_on])
 def test_a_swallowed_interrupt_is_still_one(
-    then: Callable[[], None], capsys: Capture, monkeypatch: pytest.MonkeyPatch
+    then: Callable[[], None],
+    number: signal.Signals,
+    code: int,
+    word: str,
+    capsys: Capture,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """What comes next fails for want of a result, or ends as if nothing had been, or goes on for long."""
 
     def swallow(*_: Any, **__: Any) -> NoReturn:
-        interrupted_callback()
+        interrupted_callback(number)
         then()
         raise typer.Exit
 
     monkeypatch.setattr("msrr_bullet.run.run_trial", swallow)
     before, start = sys.unraisablehook, time.monotonic()
-    assert run(["dock", "close_range"]) == 130
+    assert run(["dock", "close_range"]) == code
     assert time.monotonic() - start < 10.0
     message = capsys.readouterr().err
-    assert "interrupted" in message
+    assert word in message
     assert "Traceback" not in message
     assert sys.unraisablehook is before
 

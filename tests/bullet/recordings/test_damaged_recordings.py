@@ -26,7 +26,8 @@ from msrr_bullet.replay.log_replay import replay
 from msrr_perception.photographs.picture_files import PictureError
 from msrr_scenes.errors import MsrrError, SceneError
 from msrr_scenes.messages import PoseEstimate
-from tests.bullet.recordings.conftest import Trial
+from msrr_scenes.specs.scene import Scene
+from tests.bullet.recordings.conftest import Trial, run_trial_quietly
 from tests.bullet.recordings.mcap_files import png, write_foxglove, write_ros2
 
 #: EXIF block of a JPEG that says: turn by 90 degrees (orientation 6).
@@ -170,6 +171,53 @@ def test_a_file_that_was_cut_off_is_read_as_far_as_it_goes(trial: Trial, tmp_pat
     assert 0 < result.frames < len(trial.frames())
     assert len(messages) == 1
     assert "cut.mcap: damaged" in messages[0]
+
+
+@pytest.mark.parametrize("damage", [lambda whole: whole[: len(whole) // 2], lambda whole: _torn(whole)])
+def test_a_log_of_a_trial_that_is_damaged_is_read_as_far_as_it_goes(
+    trial: Trial, shipped: Callable[..., Scene], tmp_path: Path, damage: Callable[[bytes], bytes]
+) -> None:
+    """The log is long enough to be in several parts with checksums of their own."""
+    run_trial_quietly(
+        shipped("close_range", {"cameras.onboard.readout": "frames", "time_limit_s": "3"}), tmp_path
+    )
+    path, messages = tmp_path / "cut.mcap", list[str]()
+    whole = perceive(tmp_path / "trial.mcap", trial.target, report=messages.append)
+    assert (whole.cut_off, messages) == (False, [])
+    path.write_bytes(damage((tmp_path / "trial.mcap").read_bytes()))
+    result = perceive(path, trial.target, report=messages.append)
+    assert result.cut_off
+    assert 0 < result.frames < whole.frames
+    assert len(messages) == 1
+    assert "cut.mcap" in messages[0]
+
+
+def _torn(whole: bytes) -> bytes:
+    """Return a file with a byte changed in its last third, as a bad sector does."""
+    place = len(whole) * 4 // 5
+    return whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :]
+
+
+@pytest.mark.parametrize(("ending", "code"), [(".avi", "MJPG"), (".mkv", "mp4v"), (".webm", "VP80")])
+def test_a_film_that_was_cut_off_is_read_as_far_as_it_goes(
+    trial: Trial, tmp_path: Path, ending: str, code: str
+) -> None:
+    path, frames = tmp_path / f"film{ending}", [pixels for _, _, pixels in trial.frames()]
+    film = cv2.VideoWriter(
+        str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*code), 25.0, frames[0].shape[::-1]
+    )
+    for pixels in frames * 5:
+        film.write(cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR))
+    film.release()
+    messages: list[str] = []
+    whole = perceive(path, trial.target, report=messages.append)
+    assert (whole.cut_off, whole.frames, messages) == (False, 5 * len(frames), [])
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 11 // 20])
+    part = perceive(path, trial.target, report=messages.append)
+    assert part.cut_off
+    assert 0 < part.frames < whole.frames
+    # OpenCV announces the last frame of some films, and cannot decode the piece of it that is there.
+    assert part.frames <= int(re.search(r"ends after (\d+) of", messages[0])[1]) <= part.frames + 1
 
 
 @pytest.mark.parametrize(

@@ -193,6 +193,10 @@ def test_scenes_with_different_names_are_told(
         (lambda text: text.replace("range,1,", "range,1.5,"), r"line 3: seed is '1.5', which is no whole"),
         (lambda text: text.replace("range,1,", "r,1,"), r"b.csv, line 3: scene close_r after close_range"),
         (lambda text: "", r"b.csv: no column seed"),
+        (lambda text: text[:-1], r"b.csv: cut off within its last line"),
+        (lambda text: text.rsplit(",", 3)[0] + "\n", r"b.csv, line 3: another number of cells"),
+        (lambda text: text.replace("docked", "parked"), r"b.csv, line 2: outcome is 'parked'"),
+        (lambda text: text.replace("range,1,", "range,-1,"), r"line 3: seed is -1, and none is negative"),
     ],
 )
 def test_a_file_that_is_no_table_of_trials_is_refused(

@@ -81,6 +81,14 @@ def test_missing_files_folders_and_films_are_refused(tmp_path: Path) -> None:
         picture_files([tmp_path / "empty"])
 
 
+def test_pictures_of_a_folder_are_in_the_order_of_their_numbers(tmp_path: Path, two_tags: Pixels) -> None:
+    names = ["a2.png", "a10.png", "a10b.png", "b.png", "b1.png", "b01.png", "b2_9.png", "b2_10.png"]
+    for name in sorted(names):
+        cv2.imwrite(str(tmp_path / name), two_tags)
+    found = [file.name for file in picture_files([tmp_path])]
+    assert found == ["a2.png", "a10.png", "a10b.png", "b.png", "b01.png", "b1.png", "b2_9.png", "b2_10.png"]
+
+
 def test_every_frame_of_a_film_is_read_under_its_number(tmp_path: Path, two_tags: Pixels) -> None:
     file = tmp_path / "film.avi"
     film = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, two_tags.shape[::-1])

@@ -89,15 +89,32 @@ def test_a_message_as_ros_prints_it_says_the_same_as_the_file(tmp_path: Path, k:
 
 @pytest.mark.parametrize("form", ["ros", "opencv"])
 def test_what_is_written_is_read_again_bit_for_bit(tmp_path: Path, form: Literal["ros", "opencv"]) -> None:
-    """A hundred cameras with any digits, some of them as small as numbers in exponents."""
+    """A hundred cameras with any digits, some of them as small as numbers in exponents.
+
+    Coefficients are so small that none of these lenses folds its picture.
+    """
     rng, file = np.random.default_rng(5), tmp_path / "camera.yaml"
     for _ in range(100):
-        fx, fy, cx, cy = rng.uniform(100.0, 1000.0, 4).tolist()
-        digits = (rng.normal(size=5) * 10.0 ** rng.uniform(-12, 1, 5)).tolist()
+        fx, fy, cx, cy = rng.uniform([300.0, 300.0, 200.0, 150.0], [1000.0, 1000.0, 440.0, 330.0]).tolist()
+        digits = (rng.normal(size=5) * 10.0 ** rng.uniform(-12, -3, 5)).tolist()
         lens = dict(zip(COEFFICIENTS, digits, strict=True))
         told = CalibrationSpec(fx_px=fx, fy_px=fy, cx_px=cx, cy_px=cy, **lens, width_px=640, height_px=480)
         write_calibration(file, told, form)
         assert read_calibration(file) == told
+
+
+def test_a_lens_that_folds_its_picture_is_refused(tmp_path: Path) -> None:
+    """At k1 = -0.3 the corners show what is elsewhere as well: no ray belongs to such a pixel alone."""
+    for k1, folds in ((-0.05, False), (-0.3, True), (-5.0, True)):
+        told = CalibrationSpec(
+            fx_px=417.0, fy_px=417.0, cx_px=319.5, cy_px=239.5, k1=k1, width_px=640, height_px=480
+        )
+        write_calibration(tmp_path / "camera.yaml", told)
+        if folds:
+            with pytest.raises(SceneError, match=r"camera\.yaml: distortion_coefficients: .* at one pixel"):
+                read_calibration(tmp_path / "camera.yaml")
+        else:
+            assert read_calibration(tmp_path / "camera.yaml") == told
 
 
 def test_opencv_itself_reads_what_is_written_for_it(tmp_path: Path) -> None:
