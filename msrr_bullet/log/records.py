@@ -79,7 +79,7 @@ class RadioReceipt:
 
 @dataclass(frozen=True, slots=True)
 class TruePose:
-    """True pose ``X_WB`` of the unit or obstacle ``name``."""
+    """True pose ``X_WB`` of the unit ``name``."""
 
     name: str
     stamp_ns: int

@@ -54,6 +54,10 @@ class DockSetup:
         limits: What the drive can do.
         rate_hz: Control rate.
         link_latency_s: Time that a command takes to the drive.
+
+    Raises:
+        SceneError: The port does not lie ahead of the axle, or at contact the camera is beyond the
+            line-of-sight target or sees its edges outside the inner cone.
     """
 
     offset: float

@@ -33,7 +33,11 @@ class AuxiliaryGains(Spec):
         return self.k_mps / self.gamma_m
 
     def check_below(self, gain: float, name: str) -> None:
-        """Refuse a bandwidth above the gain of the position loop [1/s], which makes a limit cycle."""
+        """Refuse a bandwidth above the gain of the position loop [1/s], which makes a limit cycle.
+
+        Raises:
+            ValueError: It is; the message says so with ``name``, the name of that gain.
+        """
         if self.bandwidth >= gain:
             raise ValueError(
                 f"windup.k_mps / windup.gamma_m = {self.bandwidth:.3g} 1/s has to stay below {name} ="

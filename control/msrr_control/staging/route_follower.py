@@ -108,6 +108,9 @@ class RouteFollower(Generic[State]):
             s: Arc length at which the wall stands [m].
             dt: Time by which the law goes on [s].
             limit: Arc length at which the unit has to come to rest, if it is less than that of the path [m].
+
+        Raises:
+            RuntimeError: The law was not started on the route.
         """
         if self._state is None:
             raise RuntimeError("a step along a route on which the law was not started")

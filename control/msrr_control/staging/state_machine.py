@@ -15,8 +15,8 @@ DRIVE     follows the path                       SETTLE; CLEAR if something stop
 SETTLE    comes to rest at the end of the path   done; BRAKE if it is not in front of the port
 ========  =====================================  ================================================
 
-In every state the unit stands still while localisation does not see it, and gives up after too long. It knows
-what global localisation estimates and nothing else.
+While localisation does not see it, the unit stands still, but in LOCALISE it turns on the spot after a while,
+and gives up after too long. It knows what global localisation estimates and nothing else.
 """
 
 from __future__ import annotations

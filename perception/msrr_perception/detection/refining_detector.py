@@ -92,7 +92,11 @@ class RefiningDetector(ABC):
         return blurred
 
     def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
-        """Return the tags of one window; see :meth:`msrr_perception.detection.detector.Detector.detect`."""
+        """Return the tags of one window; see :meth:`msrr_perception.detection.detector.Detector.detect`.
+
+        Raises:
+            DetectorError: The pixels do not fill the window.
+        """
         if pixels.shape != (window.height, window.width):
             raise DetectorError(f"{pixels.shape} pixels do not fill a window of {window}")
         if min(pixels.shape) < _SMALLEST_EDGE_PX:

@@ -118,7 +118,8 @@ class CameraSpec(Spec):
     renderer: Choice = Choice(name="raster")
     """Renderer of the noise-free image."""
     samples: int = Field(default=2, ge=1, le=8)
-    """Edge of the sub-pixel grid that the renderer averages over; 1 means no anti-aliasing."""
+    """Edge of the grid of samples in a pixel over which the renderer ``tiny`` averages; 1 means no
+    anti-aliasing. ``raster`` computes what each pixel shows of each surface, and needs none."""
     readout: Literal["windows", "frames"] = "windows"
     """What the sensor can deliver: any windows of a frame, or whole frames only."""
 
@@ -187,7 +188,8 @@ class OverheadCameraSpec(CameraSpec):
     height_m: Annotated[float, between(0.5, 50.0)] = 3.0
     """Height above the floor [m]; half a metre clears a unit, and TinyRenderer sees 60 m."""
     localisation: LocalisationErrorSpec = LocalisationErrorSpec()
-    """Errors added to the poses that are located with this camera."""
+    """Errors added to the poses that are located in images of this camera; parametric perception has none of
+    them."""
 
 
 class CamerasSpec(Spec):

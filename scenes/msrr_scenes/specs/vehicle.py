@@ -46,7 +46,7 @@ class LimitsSpec(Spec):
     dw_max_radps2: AccelerationLimit
     """Largest yaw acceleration [rad/s^2]."""
     kappa_per_s: Annotated[float, between(0.01, 1e6)]
-    """Bandwidth kappa of the nested loop [1/s]; it is stepped in closed form, and a million is no lag."""
+    """Bandwidth kappa of the nested loop [1/s]; above the rate of the physics there is no lag."""
 
     @model_validator(mode="before")
     @classmethod
