@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -27,10 +28,12 @@ from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import OVERHEAD, Pixels, onboard_camera
+from msrr_scenes.messages import NS_PER_S, OVERHEAD, Pixels, onboard_camera
 from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.faults import EncoderStuck
 from msrr_scenes.specs.mission import RadioSpec
 from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 from msrr_scenes.specs.spec import Choice
 
@@ -52,7 +55,12 @@ class Devices:
         self._simulation = simulation
         self._seed = seed
         self.encoders = {
-            unit: WheelEncoders(unit, scene.odometry, stream(seed, f"unit/{unit}/odometry"))
+            unit: WheelEncoders(
+                unit,
+                scene.odometry,
+                stream(seed, f"unit/{unit}/odometry"),
+                (_stuck_from_ns(scene, unit, "left"), _stuck_from_ns(scene, unit, "right")),
+            )
             for unit in scene.units
         }
         self.links = {
@@ -215,3 +223,9 @@ def _built_renderer(spec: CameraSpec, client: int) -> Renderer:
         return build_renderer(spec.renderer, RenderContext(client, spec.samples))
     except ProgramFailedError as error:
         return _FailedRenderer(error)
+
+
+def _stuck_from_ns(scene: Scene, unit: str, wheel: str) -> float:
+    """Return the time from which on the encoder of a wheel is stuck; infinite if it is not."""
+    stuck = (fault for fault in scene.faults if isinstance(fault, EncoderStuck))
+    return min((f.from_s * NS_PER_S for f in stuck if (f.unit, f.wheel) == (unit, wheel)), default=math.inf)

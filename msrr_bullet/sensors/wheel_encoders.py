@@ -24,13 +24,20 @@ class WheelEncoders:
         scale: Measured over true angle of the left and the right wheel.
     """
 
-    def __init__(self, unit: str, spec: OdometrySpec, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        unit: str,
+        spec: OdometrySpec,
+        rng: np.random.Generator,
+        stuck_from_ns: tuple[float, float] = (math.inf, math.inf),
+    ) -> None:
         """Draw the scale errors.
 
         Args:
             unit: Name of the unit, for the messages.
             spec: Resolution, scale error and noise.
             rng: Generator of the stream ``unit/<name>/odometry``, used by no other object.
+            stuck_from_ns: Time from which on the reading of the left and of the right wheel stays the same.
         """
         self._unit = unit
         self._tick, self._noise_rad = 2.0 * math.pi / spec.ticks_per_turn, spec.noise_rad
@@ -38,6 +45,7 @@ class WheelEncoders:
         self._noise: list[list[float]] = []  # drawn ahead, the next one last
         left, right = rng.standard_normal(2)
         self.scale = (1.0 + spec.scale_error * float(left), 1.0 + spec.scale_error * float(right))
+        self._stuck_from_ns = stuck_from_ns
         self._true: tuple[float, float] | None = None
         self._measured = [0.0, 0.0]
 
@@ -49,6 +57,8 @@ class WheelEncoders:
         noise, before, tick = self._noise.pop(), self._true or angles, self._tick
         if angles != before:  # else nothing is added to a measured angle
             for i in range(2):
+                if stamp_ns >= self._stuck_from_ns[i]:
+                    continue
                 turned = angles[i] - before[i]
                 walk = self._noise_rad * math.sqrt(abs(turned)) * noise[i]
                 self._measured[i] += self.scale[i] * turned + walk

@@ -8,7 +8,7 @@ from msrr_scenes.errors import nearest
 from msrr_scenes.loading.lock_checks import lock_problems
 from msrr_scenes.loading.move_checks import move_problems
 from msrr_scenes.loading.problems import KeyPath, Problem
-from msrr_scenes.specs.faults import CameraBlackout, PortPlugged
+from msrr_scenes.specs.faults import CameraBlackout, EncoderStuck, PortPlugged
 from msrr_scenes.specs.plan import DockStep, ancestors, in_order
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.wording import counted
@@ -143,8 +143,12 @@ def fault_problems(scene: Scene) -> list[Problem]:
     for i, fault in enumerate(scene.faults):
         if isinstance(fault, CameraBlackout):
             continue  # a camera can fail several times
-        port = (fault.port,) if isinstance(fault, PortPlugged) else ()
-        earlier = first.setdefault((fault.kind, fault.unit, *port), i)
+        part: tuple[str, ...] = ()
+        if isinstance(fault, PortPlugged):
+            part = (fault.port,)
+        elif isinstance(fault, EncoderStuck):
+            part = (fault.wheel,)
+        earlier = first.setdefault((fault.kind, fault.unit, *part), i)
         if earlier != i:
             text = f"fault {earlier} is of this kind and in this place, too; keep one of them"
             problems.append(Problem(("faults", i), text))

@@ -75,6 +75,19 @@ class CameraMisaligned(Spec):
     """Angle by which the camera is turned, counter-clockwise positive [deg]."""
 
 
+class EncoderStuck(Spec):
+    """The encoder of a wheel tells the same angle from a time on, whatever the wheel does."""
+
+    kind: Literal["encoder_stuck"]
+    """Kind of fault."""
+    unit: Name
+    """Unit whose encoder fails."""
+    wheel: Literal["left", "right"]
+    """Wheel whose angle is not told any more."""
+    from_s: Time = 0.0
+    """Time from which on the angle is the same [s]."""
+
+
 class UnitSeized(Spec):
     """The drive of a unit does nothing from a time on, and its wheels are held. The unit is not told."""
 
@@ -93,6 +106,7 @@ Fault = Annotated[
     | LockJammed
     | CameraBlackout
     | CameraMisaligned
+    | EncoderStuck
     | UnitSeized,
     Field(discriminator="kind"),
 ]

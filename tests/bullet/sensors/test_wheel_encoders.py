@@ -36,6 +36,16 @@ def test_the_reading_of_a_wheel_at_rest_does_not_change():
     assert {(r.left, r.right) for r in (encoder.read((3.0, -2.0), k) for k in range(50))} == {(0.0, 0.0)}
 
 
+def test_an_encoder_that_is_stuck_tells_the_same_angle_and_changes_nothing_else():
+    stuck = WheelEncoders("a", OdometrySpec(), stream(0, "unit/a/odometry"), (5.0, math.inf))
+    sound, readings = encoders(), []
+    for k in range(10):
+        readings.append((stuck.read((0.3 * k, 0.2 * k), k), sound.read((0.3 * k, 0.2 * k), k)))
+    assert all(a.right == b.right for a, b in readings)
+    assert all(a.left == b.left for a, b in readings[:5])
+    assert {a.left for a, _ in readings[5:]} == {readings[4][0].left}
+
+
 def test_scale_errors_are_drawn_once_per_trial_with_the_spread_of_the_spec():
     """The deviation of 400 normal draws is within 15 % of the true one but for 1 case in 10^4."""
     errors = np.array([encoders(seed, scale_error=0.02).scale for seed in range(200)]).ravel() - 1.0

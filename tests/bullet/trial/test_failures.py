@@ -149,3 +149,12 @@ def test_large_missions_survive_failures(name: str, outcome: Outcome, shipped: L
         if name == "no_spare":
             assert len(result.mission.done) == 5
             assert "f: the drive has seized" in reason(result)
+
+
+@pytest.mark.parametrize("wheel", ["left", "right"])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_unit_docks_by_what_it_sees_where_an_encoder_is_stuck(wheel: str, seed: int) -> None:
+    """It fails two seconds before the contact; by the wheels the unit turns on the spot from then on."""
+    faults = f"[{{kind: encoder_stuck, unit: a, wheel: {wheel}, from_s: 4}}]"
+    result = run_trial(load_scene("close_range", {"faults": faults}), seed)
+    assert result.outcome is Outcome.DOCKED, result.reason
