@@ -31,8 +31,8 @@ class Outcome(Enum):
     TARGET_LOST = "target_lost"
     """The marker was seen and lost, the port was not reached, no attempt was left."""
     GAVE_UP = "gave_up"
-    """The marker was detected at least once, nothing stood in the way, and the port was not reached. Tags
-    with which no pose agrees count as detected."""
+    """The marker was detected at least once, nothing stood in the way, and the port was not reached; or the
+    drive has seized. Tags with which no pose agrees count as detected."""
     NEVER_DETECTED = "never_detected"
     """The marker was never seen."""
     BLOCKED = "blocked"

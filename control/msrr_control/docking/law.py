@@ -86,7 +86,12 @@ class DockSetup:
 
     @classmethod
     def of(cls, scene: Scene, step: DockStep) -> DockSetup:
-        """Read the facts of a step of the plan from the scene and the docking unit's URDF."""
+        """Read the facts of a step of the plan from the scene and the docking unit's URDF.
+
+        Raises:
+            SceneError: As for the class.
+            GeometryError: A URDF lacks a frame, or the pins or holes, of the step.
+        """
         geometry = scene.geometry(step.unit)
         offset = geometry.control_offset(step.port)
         target = scene.geometry(step.target_unit)

@@ -27,7 +27,7 @@ class Transition:
         reason: Reason with figures, for the log and the reader.
         failure: Why the attempt failed, None if it did not.
         reassemble: Whether the next attempt begins with the long-distance phase, as the hand-over itself
-            failed.
+            failed or the collision monitor held the approach.
     """
 
     to: Phase

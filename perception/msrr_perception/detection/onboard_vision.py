@@ -48,8 +48,8 @@ class OnboardVision:
     2. The full frame every ``full_every`` frames, whatever the prediction.
     3. If the prediction has no tag in view, the full frame every five frames, else nothing.
     4. Otherwise windows around the tags that :func:`msrr_perception.detection.windows.choose_tags` picks. A
-       tag that is missing twice while others are found (it may be hidden) is skipped for the next five
-       frames. When none is found, larger windows of all expected tags follow, then the full frame.
+       tag that is missing twice in a row (it may be hidden) is skipped for the next five frames. When none
+       is found, larger windows of all expected tags follow, then the full frame.
 
     Where all tags to be read should be large, the search runs at down to a quarter of the resolution, and
     at full resolution if one of them is not found.

@@ -127,7 +127,7 @@ class RadioSpec(Spec):
     """The radio between the base station and the units."""
 
     rate_hz: Rate = 5.0
-    """Messages per second in each direction and for each unit [Hz]."""
+    """Reports per second of each unit [Hz]; what the base station grants is sent five times a second."""
     latency_ms: Latency = 20.0
     """Delay of a message [ms]."""
     jitter_ms: Latency = 0.0

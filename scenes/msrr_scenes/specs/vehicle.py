@@ -59,7 +59,7 @@ class LimitsSpec(Spec):
 
 
 class LinkSpec(Spec):
-    """The command link to the wheels."""
+    """The command link to the wheels and to the lock."""
 
     latency_ms: Latency = 0.0
     """Delay of a command [ms]."""
