@@ -41,6 +41,7 @@ class RoutePlanner:
         box: tuple[float, float, float, float],
         offset: float,
         body_half_width: float,
+        border: str = "the border of the arena",
     ) -> None:
         """Bind the planner to what does not change.
 
@@ -51,7 +52,9 @@ class RoutePlanner:
             box: Bounds of the arena: x low, x high, y low, y high [m].
             offset: l [m].
             body_half_width: Half the width of the unit's body [m].
+            border: What ``box`` is, in words.
         """
+        self._border = border
         self.spec, self._walls, self._pace = spec, walls, pace
         x0, x1, y0, y1 = box
         b = spec.border_m
@@ -116,7 +119,7 @@ class RoutePlanner:
         X_WD = arena.X_WD
         target = tuple(u for u in arena.units if math.hypot(u.x - X_WD.x, u.y - X_WD.y) <= u.radius)
         if self.plan(arena._replace(units=target, obstacles=())) is None:
-            return f"the border of the arena leaves no room to turn before {end}"
+            return f"{self._border} leaves no room to turn before {end}"
         space = self._free_space(arena, map(self.obstacle_disc, arena.obstacles))
         place = self.spec.handover(arena.X_WD).translation
         for points, where in (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, get_type_hints
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from msrr_control.docking.controller import checked_twist
 from msrr_control.parameters import read_params
@@ -80,7 +80,9 @@ def _decision(result: object, *_: object) -> Twist | GiveUp | None:
 
 
 def _report(kind: type[AssemblyProgress] | type[AssemblyPath]) -> Check:
-    fields = {name: TypeAdapter(hint) for name, hint in get_type_hints(kind).items()}
+    # What is drawn has a place.
+    finite = ConfigDict(allow_inf_nan=False)
+    fields = {name: TypeAdapter(hint, config=finite) for name, hint in get_type_hints(kind).items()}
 
     def check(result: object) -> object:
         if result is not None and not isinstance(result, kind):

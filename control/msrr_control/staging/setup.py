@@ -93,6 +93,13 @@ class AssemblySetup:
         u0, u1, v0, v1 = self.in_view
         return max(x0, u0), min(x1, u1), max(y0, v0), min(y1, v1)
 
+    @property
+    def border(self) -> str:
+        """What :attr:`box` is, in words."""
+        if self.box == (*self.arena.x_m, *self.arena.y_m):
+            return "the border of the arena"
+        return "the border of what the overhead camera sees of the arena (cameras.overhead.height_m)"
+
     def map_of(self, estimate: ArenaEstimate) -> ArenaMap:
         """Return the map in which routes are planned and driven; without a target it leads nowhere.
 

@@ -91,7 +91,7 @@ class LongDistanceAssembler(Generic[State]):
         setup.check(params.pace.cruise_mps, params.widest_obstacle_m, params.route.border_m)
         self.params, self._setup, self._watch = params, setup, params.watch
         self._planner = RoutePlanner(
-            params.route, params.walls, params.pace, setup.box, setup.offset, setup.half_width
+            params.route, params.walls, params.pace, setup.box, setup.offset, setup.half_width, setup.border
         )
         self._follower = RouteFollower(law, self._planner, params, setup)
         self.progress: AssemblyProgress | None = None

@@ -63,7 +63,9 @@ PATH = AssemblyPath(0, 1, "arc", ((0.0, 0.0), (0.1, 0.0)), "free")
         ("progress", PROGRESS, PATH, "expected AssemblyProgress or None"),
         ("progress", PROGRESS, replace(PROGRESS, tip=None), "AssemblyProgress with a wrong tip"),
         ("progress", PROGRESS, replace(PROGRESS, s="far"), "AssemblyProgress with a wrong s"),
+        ("progress", PROGRESS, replace(PROGRESS, tip=(0.0, math.nan)), "AssemblyProgress with a wrong tip"),
         ("path", PATH, replace(PATH, points=((0.0, object()),)), "AssemblyPath with a wrong points"),
+        ("path", PATH, replace(PATH, points=((0.0, math.inf),)), "AssemblyPath with a wrong points"),
         ("path", None, "arc", "expected AssemblyPath or None"),
     ],
 )
