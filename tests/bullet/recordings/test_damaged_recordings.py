@@ -173,9 +173,8 @@ def test_a_file_that_was_cut_off_is_read_as_far_as_it_goes(trial: Trial, tmp_pat
     assert "cut.mcap: damaged" in messages[0]
 
 
-@pytest.mark.parametrize("damage", [lambda whole: whole[: len(whole) // 2], lambda whole: _torn(whole)])
 def test_a_log_of_a_trial_that_is_damaged_is_read_as_far_as_it_goes(
-    trial: Trial, shipped: Callable[..., Scene], tmp_path: Path, damage: Callable[[bytes], bytes]
+    trial: Trial, shipped: Callable[..., Scene], tmp_path: Path
 ) -> None:
     """The log is long enough to be in several parts with checksums of their own."""
     run_trial_quietly(
@@ -184,12 +183,15 @@ def test_a_log_of_a_trial_that_is_damaged_is_read_as_far_as_it_goes(
     path, messages = tmp_path / "cut.mcap", list[str]()
     whole = perceive(tmp_path / "trial.mcap", trial.target, report=messages.append)
     assert (whole.cut_off, messages) == (False, [])
-    path.write_bytes(damage((tmp_path / "trial.mcap").read_bytes()))
-    result = perceive(path, trial.target, report=messages.append)
-    assert result.cut_off
-    assert 0 < result.frames < whole.frames
-    assert len(messages) == 1
-    assert "cut.mcap" in messages[0]
+    content = (tmp_path / "trial.mcap").read_bytes()
+    for damaged in (content[: len(content) // 2], _torn(content)):
+        path.write_bytes(damaged)
+        messages.clear()
+        result = perceive(path, trial.target, report=messages.append)
+        assert result.cut_off
+        assert 0 < result.frames < whole.frames
+        assert len(messages) == 1
+        assert "cut.mcap" in messages[0]
 
 
 def _torn(whole: bytes) -> bytes:
@@ -198,7 +200,7 @@ def _torn(whole: bytes) -> bytes:
     return whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :]
 
 
-@pytest.mark.parametrize(("ending", "code"), [(".avi", "MJPG"), (".mkv", "mp4v"), (".webm", "VP80")])
+@pytest.mark.parametrize(("ending", "code"), [(".avi", "MJPG"), (".mkv", "mp4v")])
 def test_a_film_that_was_cut_off_is_read_as_far_as_it_goes(
     trial: Trial, tmp_path: Path, ending: str, code: str
 ) -> None:

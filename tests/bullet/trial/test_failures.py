@@ -151,8 +151,7 @@ def test_large_missions_survive_failures(name: str, outcome: Outcome, shipped: L
             assert "f: the drive has seized" in reason(result)
 
 
-@pytest.mark.parametrize("wheel", ["left", "right"])
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(("wheel", "seed"), [("left", 1), ("right", 2)])
 def test_a_unit_docks_by_what_it_sees_where_an_encoder_is_stuck(wheel: str, seed: int) -> None:
     """It fails two seconds before the contact; by the wheels the unit turns on the spot from then on."""
     faults = f"[{{kind: encoder_stuck, unit: a, wheel: {wheel}, from_s: 4}}]"
