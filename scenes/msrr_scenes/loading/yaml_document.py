@@ -101,9 +101,8 @@ def override_text(key: str, value: object) -> str:
     """
     if isinstance(value, str):
         return value
-    plain = value.item() if isinstance(value, np.generic) else value
     try:
-        text = yaml.safe_dump(plain, default_flow_style=True, width=MAX_CHARACTERS, allow_unicode=True)
+        text = yaml.safe_dump(_plain(value), default_flow_style=True, width=MAX_CHARACTERS, allow_unicode=True)
     except yaml.YAMLError:
         raise SceneError(
             f"{key}: expected a text, a number, true, false or null, or a list or a dict of these, found an "
@@ -112,6 +111,18 @@ def override_text(key: str, value: object) -> str:
     except ValueError as error:  # a whole number of thousands of digits
         raise SceneError(f"{key}: {error}") from None
     return text.removesuffix("...\n").strip()
+
+
+def _plain(value: object) -> object:
+    """Return a value with numbers of Python in the place of those of NumPy, also within lists and dicts."""
+    match value:
+        case np.generic():
+            return value.item()
+        case dict():
+            return {_plain(key): _plain(inner) for key, inner in value.items()}
+        case list() | tuple():
+            return [_plain(inner) for inner in value]
+    return value
 
 
 def apply_overrides(document: YamlDocument, overrides: Mapping[str, str]) -> None:

@@ -64,7 +64,8 @@ def test_a_scene_takes_values_of_python_and_of_numpy_as_it_takes_texts() -> None
     texts = {"link.latency_ms": "150", "los": "{inner_deg: 18.5}", "as_built": "perfect"}
     values = {"link.latency_ms": 150, "los": {"inner_deg": np.float64(18.5).item()}, "as_built": "perfect"}
     scene = load_scene("close_range_hard", texts)
-    for other in (values, {**values, "link.latency_ms": np.int64(150)}):
+    nested = {**values, "los": {"inner_deg": np.float64(18.5)}}
+    for other in (values, {**values, "link.latency_ms": np.int64(150)}, nested):
         assert load_scene("close_range_hard", other).model_dump() == scene.model_dump()
     with pytest.raises(SceneError, match=r"link\.latency_ms: expected a text, a number, .* of type object"):
         load_scene("close_range_hard", {"link.latency_ms": object()})
