@@ -102,7 +102,9 @@ def override_text(key: str, value: object) -> str:
     if isinstance(value, str):
         return value
     try:
-        text = yaml.safe_dump(_plain(value), default_flow_style=True, width=MAX_CHARACTERS, allow_unicode=True)
+        text = yaml.safe_dump(
+            _plain(value), default_flow_style=True, width=MAX_CHARACTERS, allow_unicode=True
+        )
     except yaml.YAMLError:
         raise SceneError(
             f"{key}: expected a text, a number, true, false or null, or a list or a dict of these, found an "
