@@ -20,6 +20,7 @@ from msrr_perception.estimation.first_fit import StartingState
 from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.measurement_history import Measurement, MeasurementHistory
 from msrr_perception.estimation.motion import DEFAULT_NOISE, DriveMotion, FilterState, MotionNoise
+from msrr_perception.estimation.wheel_doubt import doubts_wheels
 from msrr_perception.estimation.wheel_history import WheelHistory
 from msrr_perception.kernels.calibrated import AT_REST, Rates
 from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
@@ -41,14 +42,6 @@ from msrr_scenes.specs.sensors import OdometrySpec
 #: Standard deviation of a place that tells nothing, as after wheel readings of another unit [m]. Beyond a
 #: thousand times that, rounding leaves nothing of the covariance of a pose that an image shows.
 _NOWHERE_M = 10.0
-
-#: Number of measurements in a row outside the gate from which on the wheels are doubted, and time for which
-#: they are doubted after the last such [ns].
-_DOUBTED_AFTER, _DOUBTED_NS = 3, NS_PER_S
-
-#: Longest time since an image that agrees for which the next one corrects a state without the wheels [ns].
-#: One that is farther off may be explained wrongly, as by a turn instead of a way: a start anew is better.
-_UNTOLD_NS = NS_PER_S // 4
 
 #: End of the errors of the drive in a state.
 _DRIVE_END = POSE_SIZE + DRIVE_SIZE
@@ -270,7 +263,7 @@ class CornerEkf:
         after = agreeing = None if nowhere else self._corrected(prior, measurement, rates)
         rejected = 0 if agreeing is not None else prior.rejected + 1
         anew = nowhere or rejected >= self._reset_after
-        if not anew and _doubts_wheels(prior, measurement, rejected):
+        if not anew and doubts_wheels(prior, measurement, rejected):
             after = self._corrected(self._motion.doubting(prior), measurement, rates) or agreeing
             if after is not None and agreeing is None:
                 after = replace(after, doubted_ns=prior.stamp_ns)
@@ -299,19 +292,3 @@ class CornerEkf:
 
     def _of_target(self, detections: Detections) -> list[TagDetection]:
         return [t for t in detections.tags if t.tag_id in self.target.corners_D]
-
-
-def _doubts_wheels(prior: FilterState, measurement: Measurement, rejected: int) -> bool:
-    """Return whether a measurement corrects a state without what the wheels have told since the last one.
-
-    Args:
-        prior: State at the measurement, by the wheels.
-        measurement: The measurement.
-        rejected: Number of measurements in a row, this one included, that do not agree with the wheels.
-    """
-    if isinstance(measurement, Detections) and prior.stamp_ns - prior.last_seen_ns > _UNTOLD_NS:
-        return False
-    doubted_ns = prior.doubted_ns
-    return rejected >= _DOUBTED_AFTER or (
-        doubted_ns is not None and prior.stamp_ns - doubted_ns <= _DOUBTED_NS
-    )
