@@ -112,12 +112,16 @@ class McapRecorder:
             raise LogError(f"{path}: cannot write the log: {error.strerror}") from error
         self._writer = _Writer(self._file, listener)
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="msrr-log")
-        self._submit(self._writer.start, header)
-        self._await_batches(0)
         self._display = DisplayMessages(header.scene)
         self._frame: _FrameToWrite | None = None
-        self.write(topics.FRAMES, 0, scene_frames(header.scene))
-        self._show(self._display.start())
+        try:
+            self._submit(self._writer.start, header)
+            self._await_batches(0)
+            self.write(topics.FRAMES, 0, scene_frames(header.scene))
+            self._show(self._display.start())
+        except BaseException:
+            self.close()  # nobody else can: there is no recorder
+            raise
 
     def write(self, topic: str, stamp_ns: int, message: object) -> None:
         """Record a message; see :class:`~msrr_bullet.log.recorder.Recorder`."""

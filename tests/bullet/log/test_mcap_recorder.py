@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -54,8 +55,12 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_a_full_disk_is_one_error_that_names_the_file(header: LogHeader) -> None:
+    threads = set(threading.enumerate())
     with pytest.raises(LogError, match=r"/dev/full: cannot write the log: No space left"):
         McapRecorder(Path("/dev/full"), header)
+    assert set(threading.enumerate()) <= threads
+    links = (link for link in Path("/proc/self/fd").iterdir() if link.is_symlink())
+    assert "/dev/full" not in {os.readlink(link) for link in links}, "there is no recorder to close it"
 
 
 def test_a_full_disk_raises_while_recording_and_closing_still_works(
