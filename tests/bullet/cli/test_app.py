@@ -130,21 +130,21 @@ def test_check(capsys: Capture, tmp_path: Path) -> None:
     assert "close_range: ok" in out
 
 
-@pytest.mark.parametrize("out", ["/proc/out", "/proc", "file/out"])
 @pytest.mark.parametrize(
-    "arguments",
+    ("arguments", "out"),
     [
-        ["detect", "tag.png"],
-        ["map", "tag.png", "--calibration", "camera.yaml", "--tag-size", "0.1"],
-        ["calibrate", "tag.png", "--board", "7x5", "--square-mm", "30"],
-        ["tolerance", "close_range"],
-        ["reproduce"],
-        ["film", "RUN"],
-        ["plot", "RUN"],
-        ["export", "RUN", "--rerun"],
-        ["schema"],
+        (["detect", "tag.png"], "/proc/out"),
+        (["detect", "tag.png"], "file/out"),
+        (["map", "tag.png", "--calibration", "camera.yaml", "--tag-size", "0.1"], "/proc"),
+        (["calibrate", "tag.png", "--board", "7x5", "--square-mm", "30"], "/proc/out"),
+        (["tolerance", "close_range"], "/proc"),
+        (["reproduce"], "file/out"),
+        (["film", "RUN"], "/proc"),
+        (["film", "RUN"], "file/out"),
+        (["plot", "RUN"], "/proc/out"),
+        (["export", "RUN", "--rerun"], "/proc"),
+        (["schema"], "file/out"),
     ],
-    ids=lambda arguments: arguments[0],
 )
 def test_a_place_that_cannot_be_written_is_named_before_the_work(
     arguments: list[str],

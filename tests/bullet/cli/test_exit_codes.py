@@ -151,8 +151,8 @@ def _with_full_folder(folder: Path, *command: str) -> subprocess.CompletedProces
     [
         ["dock", "two_units"],
         ["sweep", "close_range", "--seeds", "0:4", "--jobs", "2", "--store", "trials.sqlite"],
-        ["film", "run"],
-        ["frames", "run"],
+        pytest.param(["film", "run"], marks=pytest.mark.nightly),
+        pytest.param(["frames", "run"], marks=pytest.mark.nightly),
         ["replay", "run"],
     ],
 )

@@ -17,7 +17,7 @@ from msrr_scenes.specs.spec import Choice
 
 @pytest.fixture(scope="module")
 def unicycle_results() -> Reproduction:
-    """A whole reproduction on unicycles with two trials and a map of four cells."""
+    """A whole reproduction on unicycles with one trial and a map of four cells."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(unicycle_studies, "GAINS", (0.8, 6.0))
         patch.setattr(unicycle_studies, "LATENCIES", (0.0, 0.1))
@@ -27,7 +27,7 @@ def unicycle_results() -> Reproduction:
             "long": {"C1": Choice(name="c1")},
             "close": {"C1": Choice(name="c1"), "CBF": Choice(name="cbf")},
         }
-        return unicycle_studies.reproduce_unicycle(range(2), contenders)
+        return unicycle_studies.reproduce_unicycle(range(1), contenders)
 
 
 def test_every_study_is_in_the_results(unicycle_results: Reproduction) -> None:
@@ -45,7 +45,7 @@ def test_every_study_is_in_the_results(unicycle_results: Reproduction) -> None:
         assert table.phase == ablations.phase
         assert [r.label for r in table.rows] == list(VARIANTS[ablations.phase])
     assert [(m.compensated, len(m.gains)) for m in unicycle_results.maps] == [(False, 2), (True, 1)]
-    assert unicycle_results.seeds == {"unicycle": (0, 2)}
+    assert unicycle_results.seeds == {"unicycle": (0, 1)}
 
 
 def test_requirements_are_answered_from_the_tables(unicycle_results: Reproduction) -> None:
@@ -93,7 +93,7 @@ def test_several_reproductions_are_joined(unicycle_results: Reproduction) -> Non
     other = Reproduction(versions={}, seeds={"bullet": (0, 2)}, tables=unicycle_results.tables[:1])
     both = joined([unicycle_results, other])
     assert both.tables == (*unicycle_results.tables, unicycle_results.tables[0])
-    assert both.seeds == {"unicycle": (0, 2), "bullet": (0, 2)}
+    assert both.seeds == {"unicycle": (0, 1), "bullet": (0, 2)}
     assert both.versions == unicycle_results.versions
 
 

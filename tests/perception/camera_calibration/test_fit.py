@@ -85,11 +85,13 @@ def test_stated_deviations_hold(camera: Camera, printed: Printed) -> None:
     assert 0.1 < sum(z * z for z in off.values()) < 60.0
 
 
-@pytest.mark.parametrize("draws", [8, pytest.param(40, marks=pytest.mark.nightly)])
-def test_what_a_smaller_model_leaves_out_counts(camera: Camera, printed: Printed, draws: int) -> None:
+@pytest.mark.parametrize(("draws", "most"), [(4, 2.2), pytest.param(40, 1.45, marks=pytest.mark.nightly)])
+def test_what_a_smaller_model_leaves_out_counts(
+    camera: Camera, printed: Printed, draws: int, most: float
+) -> None:
     """A lens with p1 and p2, which some of the calibrations leave out: it is the principal point that errs.
 
-    The RMS of 8 normal numbers is above 1.8 in 1 of 1000 cases, and that of 40 above 1.45 in 1 of 10000.
+    The RMS of 4 normal numbers is above 2.2 in 1 of 1500 cases, and that of 40 above 1.45 in 1 of 10000.
     """
     off = []
     for seed in range(draws):
@@ -99,7 +101,7 @@ def test_what_a_smaller_model_leaves_out_counts(camera: Camera, printed: Printed
     for name in ("cx_px", "cy_px"):
         rms = float(np.sqrt(np.mean([z[name] ** 2 for z in off])))
         print(f"{name} is off by {rms:.2f} stated deviations, RMS of {draws}")
-        assert rms < (1.8 if draws == 8 else 1.45)
+        assert rms < most
 
 
 @pytest.mark.nightly
