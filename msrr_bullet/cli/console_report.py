@@ -13,6 +13,7 @@ from msrr_bullet.sweep.summary import StepFigures, SweepSummary
 from msrr_bullet.trial.result import MissionFigures, TrialResult
 from msrr_bullet.trial.step_result import PlanarPose, StepResult
 from msrr_scenes.loading.load import find_scene, read_document
+from msrr_scenes.messages import ExposureCounts
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.wording import counted
 
@@ -128,8 +129,20 @@ def step_table(result: TrialResult, step: StepResult) -> Table:
     )
     table.add_row("pull test passed", "", _yes_no(step.pull_test_passed))
     table.add_row("smallest clearance", "", _metres(step.min_clearance_m))
+    for camera, seen in (("onboard", step.onboard_exposures), ("overhead", step.overhead_exposures)):
+        if seen is not None:
+            table.add_row(f"exposures, {camera}", _exposures(seen))
     table.add_row("attempts, time", f"{len(step.attempts)}", f"{step.ended_s - step.started_s:.2f} s")
     return table
+
+
+def _exposures(seen: ExposureCounts) -> str:
+    wrong = [
+        f"{count} {how}"
+        for count, how in ((seen.without_wheels, "without the wheels"), (seen.rejected, "rejected"))
+        if count
+    ]
+    return ", ".join([f"{seen.used} of {seen.total} used", *wrong])
 
 
 def _error(value: float | None, factor: float, unit: str) -> str:
@@ -190,6 +203,8 @@ def _add_steps(table: Table, name: str, step: StepFigures) -> None:
         ("steady tracking error", step.tracking_error_m, "m"),
         ("amplitude at an obstacle", step.amplitude_m, "m"),
         ("recovery from an obstacle", step.recovery_s, "s"),
+        ("onboard exposures that disagree", step.onboard_disagreeing_percent, "%"),
+        ("overhead exposures that disagree", step.overhead_disagreeing_percent, "%"),
         ("attempts", step.attempts, ""),
     ):
         if values.p50 is not None:  # else no trial has this figure

@@ -15,6 +15,8 @@ from msrr_bullet.export.table import (
     Row,
     Table,
     columns,
+    exposure_cells,
+    exposures,
     one_of,
     pose,
     sigma,
@@ -95,7 +97,14 @@ ROBOT_TABLES = (
         "estimates",
         "Estimated pose of the unit in the dock frame D of its target.",
         PoseEstimate,
-        columns(**UNIT, **STAMP, **POSE, **SIGMA, last_seen_s="exposure of the last frame that was used"),
+        columns(
+            **UNIT,
+            **STAMP,
+            **POSE,
+            **SIGMA,
+            last_seen_s="exposure of the last frame that was used",
+            **exposures(),
+        ),
         lambda record, m: [
             (
                 *unit(record),
@@ -103,6 +112,7 @@ ROBOT_TABLES = (
                 *pose(m.X_DU),
                 *sigma(m.covariance),
                 time(m.last_seen_ns),
+                *exposure_cells(m.exposures),
             )
         ],
     ),

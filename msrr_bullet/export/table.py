@@ -13,7 +13,7 @@ import numpy as np
 from msrr_bullet.log import LogRecord, topics
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import NS_PER_S, Exposure, Phase
+from msrr_scenes.messages import NS_PER_S, Exposure, ExposureCounts, Phase
 
 Cell = str | int | float | bool | Enum | None
 Row = Sequence[Cell]
@@ -41,6 +41,15 @@ SIGMA = {
     "sigma_y_m": "standard deviation of y",
     "sigma_yaw_rad": "standard deviation of the heading",
 }
+
+
+def exposures(prefix: str = "", of: str = "exposures since the filter was reset") -> dict[str, str]:
+    """Return names and meanings of columns that tell what became of exposures."""
+    return {
+        f"{prefix}used": f"number of {of} that agreed with the filter and corrected it",
+        f"{prefix}without_wheels": f"number of {of} that agreed only if the wheels were doubted",
+        f"{prefix}rejected": f"number of {of} that did not agree with the filter",
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +108,11 @@ def pose(X: SE2) -> Row:
 def sigma(covariance: Array) -> Row:
     """Return the cells of :data:`SIGMA`; NaN for the negative variances of a diverged filter."""
     return tuple(math.sqrt(v) if v >= 0.0 else math.nan for v in map(float, covariance.diagonal()))
+
+
+def exposure_cells(counts: ExposureCounts | None) -> Row:
+    """Return the cells of :func:`exposures`."""
+    return (None,) * 3 if counts is None else (counts.used, counts.without_wheels, counts.rejected)
 
 
 def text(cell: Cell) -> str:

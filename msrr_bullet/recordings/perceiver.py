@@ -91,6 +91,7 @@ class Perceiver:
         whole = scene.cameras.onboard.readout == "frames"
         self._vision = OnboardVision(self.target, detector, full_every=1 if whole else FULL_FRAME_PERIOD)
         self._estimator = self._build_estimator()
+        self._used = 0  # exposures that agreed with the estimate
         self._los = LosEstimator(self.target)
 
     def _build_estimator(self) -> Estimator:
@@ -191,7 +192,9 @@ class Perceiver:
         return Instant(now_ns, estimate, los, arrived, self._agrees(estimate, arrived))
 
     def _agrees(self, estimate: PoseEstimate | None, arrived: Detections | None) -> bool:
-        if estimate is None or arrived is None or estimate.last_seen_ns != arrived.exposure.stamp_ns:
+        if estimate is None or arrived is None:
             return False
-        doubted_ns = self._estimator.doubted_ns if isinstance(self._estimator, CornerEkf) else None
-        return doubted_ns != estimate.last_seen_ns
+        if estimate.exposures is None:  # an estimator of a user's own
+            return estimate.last_seen_ns == arrived.exposure.stamp_ns
+        before, self._used = self._used, estimate.exposures.used
+        return self._used > before

@@ -17,12 +17,18 @@ from msrr_bullet.sweep.summary import (
 )
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import StepResult
+from msrr_scenes.messages import ExposureCounts
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
 
 def _known(values: Iterable[float | None]) -> Iterator[float]:
     return (value for value in values if value is not None)
+
+
+def _disagreeing(seen: Iterable[ExposureCounts | None]) -> Iterator[float]:
+    """Return the shares of exposures that do not agree with the filter [%]."""
+    return (100.0 * exposures.disagreeing for exposures in seen if exposures is not None)
 
 
 def _counts(outcomes: Counter[Outcome]) -> dict[str, int]:
@@ -126,6 +132,8 @@ def _figures(results: list[StepResult], *, independent: bool) -> StepFigures:
         tracking_error_m=of(_known(f.tracking_error_m for f in figures)),
         amplitude_m=of(_known(f.amplitude_m for f in figures)),
         recovery_s=of(_known(f.recovery_s for f in figures)),
+        onboard_disagreeing_percent=of(_disagreeing(r.onboard_exposures for r in results)),
+        overhead_disagreeing_percent=of(_disagreeing(r.overhead_exposures for r in results)),
         attempts=of(float(len(r.attempts)) for r in results),
         docked_by_attempt=dict(sorted(by_attempt.items())),
         min_clearance_m=min(_known(r.min_clearance_m for r in results), default=None),

@@ -57,6 +57,9 @@ class StepFigures(BaseModel, frozen=True):
             :class:`msrr_bullet.trial.result.AssemblyFigures`.
         amplitude_m: Amplitude of the long-distance phase, over all that passed an obstacle.
         recovery_s: Recovery time of the long-distance phase, over all that passed an obstacle.
+        onboard_disagreeing_percent: Share of the exposures of the unit's own camera that did not agree with
+            its filter, or agreed only if the wheels were doubted.
+        overhead_disagreeing_percent: Share of those of the overhead camera, likewise.
         attempts: Number of attempts.
         docked_by_attempt: Number of trials in which the step docked, by the attempt that succeeded.
         min_clearance_m: Smallest clearance; None when there was no body to come near.
@@ -70,6 +73,8 @@ class StepFigures(BaseModel, frozen=True):
     tracking_error_m: Quantiles
     amplitude_m: Quantiles
     recovery_s: Quantiles
+    onboard_disagreeing_percent: Quantiles
+    overhead_disagreeing_percent: Quantiles
     attempts: Quantiles
     docked_by_attempt: dict[int, int]
     min_clearance_m: float | None

@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Iterable, Iterator
 
-from msrr_bullet.export.table import Row, columns, text
+from msrr_bullet.export.table import Row, columns, exposure_cells, exposures, text
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import StepResult
@@ -39,6 +39,8 @@ TRIAL_COLUMNS = columns(
     tracking_error_m="steady tracking error of the long-distance phase",
     amplitude_m="largest distance from the desired point while the unit passed an obstacle",
     recovery_s="time from that peak until the distance stayed below 5 cm",
+    **exposures("onboard_", "exposures of the unit's own camera"),
+    **exposures("overhead_", "exposures of the overhead camera that show the unit"),
 )
 
 
@@ -78,5 +80,7 @@ def _step_cells(step: StepResult) -> Row:
         *((error.y_m, error.yaw_rad) if error else (None,) * 2),
         *((seating.seated, seating.axial_gap_m) if seating else (None,) * 2),
         *(step.pull_test_passed, step.min_clearance_m),
-        *((figures.tracking_error_m, figures.amplitude_m, figures.recovery_s) if figures else ()),
+        *((figures.tracking_error_m, figures.amplitude_m, figures.recovery_s) if figures else (None,) * 3),
+        *exposure_cells(step.onboard_exposures),
+        *exposure_cells(step.overhead_exposures),
     )

@@ -13,6 +13,7 @@ from msrr_bullet.robot.fail_safe import FailSafeRobot
 from msrr_bullet.sensors.schedule import Periodic, duration_ns
 from msrr_bullet.timeline.path_following_series import Instant, PathFollowingSeries
 from msrr_bullet.trial.environment import Environment
+from msrr_bullet.trial.exposure_tally import ExposureTally
 from msrr_bullet.trial.judge import Judge
 from msrr_bullet.trial.step_result import AssemblyFigures, AttemptRecord, PlanarPose, Seating, StepResult
 from msrr_bullet.trial.step_result import Belief as BeliefName
@@ -88,6 +89,7 @@ class DockingStep:
         self.judge = Judge(simulation, environment.clearance, environment.locked, step)
         now_ns = self._started_ns = plant.now_ns()
         recorder.write(topics.STEPS, now_ns, StepStart(now_ns, index, step.unit, step.port, step.to))
+        self._onboard, self._overhead = ExposureTally(robot.estimate), ExposureTally(robot.arena)
         self._attempts: list[AttemptRecord] = []
         self._assembly_instants: list[Instant] = []
         self._deadline_ns = duration_ns(scene.time_limit_s)
@@ -112,6 +114,8 @@ class DockingStep:
             self._attempts.append(self._record(last, action.reason))
             self._set_plug(action.attempt)
         self.judge.decide(action)
+        self._onboard.add(self.robot.estimate)
+        self._overhead.add(self.robot.arena)
         self._collect_assembly(action)
 
     def watches(self) -> bool:
@@ -150,6 +154,10 @@ class DockingStep:
         plant.command(unit, Twist())
         self._belief = self.robot.belief
         self.outcome, self.verdict_reason = outcome, reason
+        for camera, tally in (("onboard", self._onboard), ("overhead", self._overhead)):
+            if warning := tally.warning(camera):
+                now_ns = plant.now_ns()
+                self._recorder.write(topics.EVENTS, now_ns, Event(now_ns, unit, warning, Level.WARNING))
 
     def _end_as_believed(self) -> None:
         """End a step of which the robot believes that it has docked, or undocked."""
@@ -218,6 +226,8 @@ class DockingStep:
             min_clearance_m=self.min_clearance if math.isfinite(self.min_clearance) else None,
             assembly=self._assembly_figures(),
             undocks=self.undocks,
+            onboard_exposures=self._onboard.counts,
+            overhead_exposures=self._overhead.counts,
         )
 
     def _has_stopped(self, now_ns: int) -> bool:

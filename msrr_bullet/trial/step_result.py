@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, Field
 
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Phase
+from msrr_scenes.messages import ExposureCounts, Phase
 from msrr_scenes.outcome import Outcome
 
 #: Belief of the robot about a step when it ended.
@@ -131,6 +131,10 @@ class StepResult(Record):
             together [m]; 0 or negative after a collision, None without such a pair.
         assembly: Figures of the long-distance phase; None without one.
         undocks: Whether the task was to undock.
+        onboard_exposures: What became of the exposures of the unit's own camera; None where its estimator
+            counts none.
+        overhead_exposures: What became of those of the overhead camera that show the unit; None where there
+            are none.
     """
 
     index: int = Field(ge=0)
@@ -150,6 +154,8 @@ class StepResult(Record):
     min_clearance_m: float | None = None
     assembly: AssemblyFigures | None = None
     undocks: bool = False
+    onboard_exposures: ExposureCounts | None = None
+    overhead_exposures: ExposureCounts | None = None
 
     @property
     def docked(self) -> bool:

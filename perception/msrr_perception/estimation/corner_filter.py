@@ -31,6 +31,7 @@ from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import (
     NS_PER_S,
     Detections,
+    ExposureCounts,
     PoseEstimate,
     PoseMeasurement,
     TagDetection,
@@ -201,10 +202,10 @@ class CornerEkf:
         return by_left * left, by_right * right, by_track * track
 
     @property
-    def doubted_ns(self) -> int | None:
-        """Time of the last exposure that agreed only without the wheels; None if each agreed with them."""
+    def exposures(self) -> ExposureCounts:
+        """What became of the exposures since the last reset."""
         state = self._history.newest
-        return None if state is None else state.doubted_ns
+        return ExposureCounts() if state is None else state.exposures
 
     @property
     def drawn(self) -> Knowledge:
@@ -265,12 +266,16 @@ class CornerEkf:
         anew = nowhere or rejected >= self._reset_after
         if not anew and doubts_wheels(prior, measurement, rejected):
             after = self._corrected(self._motion.doubting(prior), measurement, rates) or agreeing
-            if after is not None and agreeing is None:
-                after = replace(after, doubted_ns=prior.stamp_ns)
         if after is not None:
-            return after
+            if agreeing is not None:
+                return replace(after, exposures=prior.exposures + ExposureCounts(used=1))
+            exposures = prior.exposures + ExposureCounts(without_wheels=1)
+            return replace(after, doubted_ns=prior.stamp_ns, exposures=exposures)
+        exposures = prior.exposures + ExposureCounts(rejected=1)
         start = self._start(measurement) if anew else None
-        return replace(prior, rejected=rejected) if start is None else replace(start, told_ns=prior.told_ns)
+        if start is None:
+            return replace(prior, rejected=rejected, exposures=exposures)
+        return replace(start, told_ns=prior.told_ns, exposures=exposures)
 
     def _corrected(self, prior: FilterState, measurement: Measurement, rates: Rates) -> FilterState | None:
         """Return a state corrected by a measurement; None if that lies outside the gate."""
@@ -288,7 +293,10 @@ class CornerEkf:
         if found is None:
             return None
         stamp = measurement.exposure.stamp_ns
-        return FilterState(stamp, found.mean, found.covariance, self._wheels.angles_at(stamp), stamp)
+        wheels = self._wheels.angles_at(stamp)
+        return FilterState(
+            stamp, found.mean, found.covariance, wheels, stamp, exposures=ExposureCounts(used=1)
+        )
 
     def _of_target(self, detections: Detections) -> list[TagDetection]:
         return [t for t in detections.tags if t.tag_id in self.target.corners_D]

@@ -172,6 +172,7 @@ class GlobalEstimator:
             obstacles=self._others.obstacles(poses),
             last_seen_ns=last_seen_ns,
             strain=self._strain,
+            exposures=self._own.exposures,
         )
 
     def _own_pose(self, own: PoseEstimate) -> GlobalPose:

@@ -17,7 +17,7 @@ from msrr_perception.pose.calibration import POSE_SIZE
 from msrr_perception.pose.target import YAW, TargetModel
 from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import NS_PER_S, PoseEstimate, seconds
+from msrr_scenes.messages import NS_PER_S, ExposureCounts, PoseEstimate, seconds
 from msrr_scenes.specs.sensors import OdometrySpec
 
 #: Smallest standard deviation of a relative radius error, whatever the scene says of its encoders, and of a
@@ -43,6 +43,8 @@ _VELOCITY, _ACCELERATION = _PARABOLA[1].tolist(), (2.0 * _PARABOLA[2]).tolist()
 
 _NO_STEPS = np.zeros((0, 5))
 
+_NO_EXPOSURES = ExposureCounts()
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterState:
@@ -60,6 +62,7 @@ class FilterState:
         told_ns: Time until which the last measurement rests on what the wheels did [ns].
         doubted_ns: Exposure time of the last measurement that agrees only if what the wheels tell is doubted;
             None if each agrees with it.
+        exposures: What became of the exposures up to this state.
     """
 
     stamp_ns: int
@@ -71,6 +74,7 @@ class FilterState:
     noise_scale: float = 1.0
     told_ns: int = 0
     doubted_ns: int | None = None
+    exposures: ExposureCounts = _NO_EXPOSURES
 
     @property
     def X_DU(self) -> SE2:
@@ -222,6 +226,7 @@ class DriveMotion:
             state.rejected,
             state.noise_scale,
             doubted_ns=state.doubted_ns,
+            exposures=state.exposures,
         )
 
     def to_measurement(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
@@ -264,7 +269,7 @@ class DriveMotion:
             state.mean, state.covariance, steps, self._packed_drive, self._marker, self._pivot
         )
         at_ns = max(stamp_ns, state.stamp_ns)
-        return PoseEstimate(at_ns, SE2(x, y, yaw), frozen(covariance), state.last_seen_ns)
+        return PoseEstimate(at_ns, SE2(x, y, yaw), frozen(covariance), state.last_seen_ns, state.exposures)
 
     def _steps(
         self, state: FilterState, history: WheelHistory, stamp_ns: int

@@ -18,6 +18,7 @@ from msrr_scenes.messages.decisions import (
 )
 from msrr_scenes.messages.estimates import (
     ArenaEstimate,
+    ExposureCounts,
     LosObservation,
     LosStatus,
     ObstacleEstimate,
@@ -56,6 +57,7 @@ __all__ = [
     "Conviction",
     "Detections",
     "Exposure",
+    "ExposureCounts",
     "FailureReason",
     "Fetch",
     "GlobalPose",

@@ -12,6 +12,51 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages.sensing import GlobalPose
 
 
+@dataclass(frozen=True, slots=True)
+class ExposureCounts:
+    """What a filter did with the exposures that it was given since it was reset.
+
+    A filter of which the model holds rejects hardly any. Many rejected ones tell of an error that it does not
+    know, even where its poses are good.
+
+    Attributes:
+        used: Those that agreed, within the gate, with the state, and corrected it; and the first one.
+        without_wheels: Those that agreed only if what the wheels tell was doubted.
+        rejected: Those that did not agree, and changed nothing but that the filter may have begun anew.
+    """
+
+    used: int = 0
+    without_wheels: int = 0
+    rejected: int = 0
+
+    @property
+    def total(self) -> int:
+        """Number of exposures."""
+        return self.used + self.without_wheels + self.rejected
+
+    @property
+    def disagreeing(self) -> float:
+        """Share of the exposures that did not agree with state and wheels; 0 without any."""
+        return (self.without_wheels + self.rejected) / max(self.total, 1)
+
+    def __add__(self, other: ExposureCounts) -> ExposureCounts:
+        return ExposureCounts(
+            self.used + other.used,
+            self.without_wheels + other.without_wheels,
+            self.rejected + other.rejected,
+        )
+
+    def since(self, earlier: ExposureCounts) -> ExposureCounts:
+        """Return what was added to earlier counts of the same filter, which may have been reset meanwhile."""
+        if self.total < earlier.total:
+            return self
+        return ExposureCounts(
+            self.used - earlier.used,
+            self.without_wheels - earlier.without_wheels,
+            self.rejected - earlier.rejected,
+        )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseEstimate:
     """A filtered planar pose.
@@ -21,12 +66,14 @@ class PoseEstimate:
         X_DU: Pose of the unit in the dock frame D of its target (x into the docked unit).
         covariance: Covariance of (x, y, yaw) in D, shape (3, 3) [m, rad].
         last_seen_ns: Exposure time of the last measurement that passed the gate.
+        exposures: What became of the exposures on which it rests; None if the estimator does not count them.
     """
 
     stamp_ns: int
     X_DU: SE2
     covariance: Array
     last_seen_ns: int
+    exposures: ExposureCounts | None = None
 
 
 class LosStatus(Enum):
@@ -98,6 +145,7 @@ class ArenaEstimate:
         last_seen_ns: Exposure time of the last detection of the docking unit.
         strain: Standard deviation of the error of the distance between two bodies over that distance, by the
             errors that they share.
+        exposures: What became of the overhead exposures that show the docking unit; None if not counted.
     """
 
     stamp_ns: int
@@ -107,6 +155,7 @@ class ArenaEstimate:
     obstacles: tuple[ObstacleEstimate, ...]
     last_seen_ns: int
     strain: float = 0.0
+    exposures: ExposureCounts | None = None
 
     def sigma_between(self, body: GlobalPose | ObstacleEstimate, own_reach: float, reach: float) -> float:
         """Return the standard deviation of the distance between a body and the docking unit [m].

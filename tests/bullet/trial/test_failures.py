@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from msrr_bullet.log import Event, read_log, topics
 from msrr_bullet.run import run_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.loading.load import load_scene
@@ -152,8 +153,16 @@ def test_large_missions_survive_failures(name: str, outcome: Outcome, shipped: L
 
 
 @pytest.mark.parametrize(("wheel", "seed"), [("left", 1), ("right", 2)])
-def test_a_unit_docks_by_what_it_sees_where_an_encoder_is_stuck(wheel: str, seed: int) -> None:
+def test_a_unit_docks_by_what_it_sees_where_an_encoder_is_stuck(
+    wheel: str, seed: int, tmp_path: Path
+) -> None:
     """It fails two seconds before the contact; by the wheels the unit turns on the spot from then on."""
     faults = f"[{{kind: encoder_stuck, unit: a, wheel: {wheel}, from_s: 4}}]"
-    result = run_trial(load_scene("close_range", {"faults": faults}), seed)
+    result = run_trial(load_scene("close_range", {"faults": faults}), seed, out=tmp_path / "run")
     assert result.outcome is Outcome.DOCKED, result.reason
+    seen = result.decisive_step.onboard_exposures
+    assert seen is not None
+    assert seen.without_wheels > 10
+    told = [event.text for _, event in read_log(tmp_path / "run").messages(Event, topics.EVENTS)]
+    wrong = seen.without_wheels + seen.rejected
+    assert any(text.startswith(f"{wrong} of {seen.total} exposures of the onboard") for text in told)
