@@ -16,8 +16,8 @@ def checked_seed(seed: SupportsIndex) -> int:
         TypeError: It is no whole number.
         ValueError: It is below 0 or above :data:`MAX_SEED`.
     """
-    if isinstance(seed, bool):
-        raise TypeError(f"a seed is an integer, found {seed}")
+    if isinstance(seed, bool) or not hasattr(seed, "__index__"):
+        raise TypeError(f"a seed is an integer, found {seed!r}")
     number = index(seed)
     if not 0 <= number <= MAX_SEED:
         raise ValueError(f"a seed is a number from 0 to {MAX_SEED}, found {number}")

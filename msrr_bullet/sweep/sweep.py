@@ -46,9 +46,11 @@ def sweep(
 
     Raises:
         MsrrError: The scene cannot be run with any seed, or the store cannot be used.
-        TypeError: A seed or ``jobs`` is no whole number, or the scene is none.
+        TypeError: A seed or ``jobs`` is no whole number, ``seeds`` is a single one, or the scene is none.
         ValueError: A seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``jobs`` not positive.
     """
+    if isinstance(seeds, str) or not isinstance(seeds, Iterable):
+        raise TypeError(f"seeds are integers, such as range(20), found {seeds!r}")
     wanted = list(dict.fromkeys(seeds))
     finished = run_trials(
         [(scene, wanted)],

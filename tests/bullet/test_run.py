@@ -53,9 +53,12 @@ def test_a_folder_may_be_a_text_and_a_seed_is_a_whole_number(shipped: Load, tmp_
     scene = shipped("close_range", SHORT, blind=True)
     assert run_trial(scene, np.int64(SEED), out=str(tmp_path / "run")).folder == tmp_path / "run"
     seen: list[Progress] = []
-    seed: Any = 1.5  # as from a notebook, where no type is checked
-    with pytest.raises(TypeError, match="integer"):
-        run_trial(scene, seed, observer=seen.append)
+    seeds: list[Any] = [1.5, "1", True]  # as from a notebook, where no type is checked
+    for seed in seeds:
+        with pytest.raises(TypeError, match=f"a seed is an integer, found {seed!r}"):
+            run_trial(scene, seed, observer=seen.append)
+        with pytest.raises(TypeError, match=f"seeds are integers, such as range\\(20\\), found {seed!r}"):
+            sweep(scene, seed)
     assert not seen, "a trial was run whose result could not be"
 
 

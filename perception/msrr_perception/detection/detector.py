@@ -14,6 +14,7 @@ from msrr_perception.detection.checked_tags import checked_tags
 from msrr_perception.detection.native_apriltag import DetectorError, NativeSettings
 from msrr_perception.detection.pyapriltags_detector import PyAprilTagsDetector
 from msrr_perception.detection.refining_detector import RefiningDetector, check_ranges
+from msrr_perception.detection.restoration import noise_gain
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.guarded import of_the_same_kind
@@ -192,12 +193,16 @@ class PupilDetector(RefiningDetector):
         """Return a detector that skips tiles whose contrast may be noise, unless a contrast was given.
 
         It finds the same tags: those have the contrast of their modules beside that of the noise. With more
-        noise than 18 grey levels the search lets tiles of noise through, and takes longer.
+        noise than 18 grey levels the search lets tiles of noise through, and takes longer. Images of a camera
+        that blurs are restored first, which changes the noise.
         """
+        noisy = super().for_noise(noise_grey)
+        if noisy._restoring is not None:
+            noise_grey *= noise_gain(noisy._restoring)
         contrast = min(math.ceil(_NOISE_SIGMAS * noise_grey), _MOST_CONTRAST)
         if self._contrast_is_given or contrast <= self.settings.min_white_black_diff:
-            return self
-        noisy = copy(self)
+            return noisy
+        noisy = copy(noisy)
         noisy.settings = replace(self.settings, min_white_black_diff=contrast)
         return noisy
 

@@ -11,8 +11,10 @@ from typing import Self
 import numpy as np
 
 from msrr_perception.detection.native_apriltag import DetectorError
+from msrr_perception.detection.restoration import restored, restoring_filter
 from msrr_perception.kernels.edges import refine_corners
 from msrr_perception.kernels.lens import NO_LENS, optic_of
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels, TagDetection
@@ -74,6 +76,7 @@ class RefiningDetector(ABC):
         self.min_decision_margin = min_decision_margin
         self.refine = refine
         self._optic, self._blur_px = NO_LENS, 0.0
+        self._restoring: Array | None = None
 
     @abstractmethod
     def find(self, pixels: Pixels) -> list[TagDetection]:
@@ -91,6 +94,15 @@ class RefiningDetector(ABC):
         blurred._blur_px = blur_px
         return blurred
 
+    def for_noise(self, noise_grey: float) -> Self:
+        """Return a detector that looks for tags in images restored from blur, as far as noise allows it."""
+        by = restoring_filter(self._blur_px, noise_grey)
+        if by is None:
+            return self
+        restoring = copy(self)
+        restoring._restoring = by
+        return restoring
+
     def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
         """Return the tags of one window; see :meth:`msrr_perception.detection.detector.Detector.detect`.
 
@@ -103,7 +115,7 @@ class RefiningDetector(ABC):
             return ()
         found = [
             t
-            for t in self.find(pixels)
+            for t in self.find(pixels if self._restoring is None else restored(pixels, self._restoring))
             if t.hamming <= self.max_hamming and t.decision_margin >= self.min_decision_margin
         ]
         if not found:

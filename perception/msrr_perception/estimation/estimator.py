@@ -55,8 +55,9 @@ class Estimator(Protocol):
         ...
 
 
-#: Farthest place, largest variance and latest time of an estimate that can be reckoned with [m, rad, ns].
-_FARTHEST_M, _LARGEST_VARIANCE, _LATEST_NS = 1e3, 1e9, 2**62
+#: Farthest place, largest variance and latest time of an estimate that can be reckoned with [m, rad, ns]. No
+#: arena is as wide; a distance in millimetres is more, but for the last tenth of a metre.
+_FARTHEST_M, _LARGEST_VARIANCE, _LATEST_NS = 100.0, 1e9, 2**62
 
 #: Largest time by which the clock of a camera, and with it the stamp of an exposure, can be ahead [ns].
 _AHEAD_NS = NS_PER_S
@@ -68,9 +69,15 @@ def _pose(result: object) -> PoseEstimate | None:
         return None
     if not isinstance(result, PoseEstimate) or not isinstance(result.X_DU, SE2):
         wrong(result, "a PoseEstimate with a pose X_DU in SE(2), or None")
-    X, covariance = result.X_DU, np.asarray(result.covariance)
-    if not (math.isfinite(X.yaw) and max(abs(X.x), abs(X.y)) <= _FARTHEST_M):
-        wrong(X, f"a pose within {_FARTHEST_M:g} m")
+    X = result.X_DU
+    if not all(map(math.isfinite, (X.x, X.y, X.yaw))):
+        wrong(X, "a pose of finite numbers")
+    if max(abs(X.x), abs(X.y)) > _FARTHEST_M:
+        wrong(X, f"a pose in metres, no farther than {_FARTHEST_M:g} m from the port")
+    try:
+        covariance = np.asarray(result.covariance)
+    except ValueError:  # rows of different lengths
+        wrong(result.covariance, "a covariance of numbers of shape (3, 3)")
     if covariance.shape != (3, 3) or covariance.dtype.kind not in "fiu":
         raise ValueError(f"a covariance of shape {covariance.shape}; expected numbers of shape (3, 3)")
     if not (np.abs(covariance) <= _LARGEST_VARIANCE).all():
