@@ -43,6 +43,7 @@ def library_detector() -> Detector:
         max_hamming=2,
         min_decision_margin=0.0,
         refine=False,
+        restore=False,
     )
 
 
@@ -53,6 +54,7 @@ _DETECTORS: Mapping[str, Callable[[], Detector]] = {
     "contrast 60": lambda: PupilDetector(min_white_black_diff=60),
     "decimation 2": lambda: PupilDetector(quad_decimate=LIBRARY_DECIMATION),
     "sharpening 0.25": lambda: PupilDetector(decode_sharpening=LIBRARY_SHARPENING),
+    "not restored": lambda: PupilDetector(restore=False),
     "raw corners": lambda: PupilDetector(refine=False),
     "OpenCV's ArUco": ArucoDetector,
 }

@@ -12,7 +12,7 @@ import numpy as np
 
 from msrr_bullet.bench.detection_metrics import DetectionRow, LabelledExposure, encloses, evaluate
 from msrr_bullet.bench.detector_settings import overhead_candidates
-from msrr_bullet.bench.onboard_views import with_sensor
+from msrr_bullet.bench.onboard_views import with_camera, with_sensor
 from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
@@ -61,8 +61,10 @@ def measure_overhead(
         blur_px: Lens blur instead of the scene's [px].
         exposures: Exposures of each arrangement, while the docking unit drives.
     """
-    scene, spec, model = _load()
-    views = _views(scene, model, with_sensor(spec, noise_grey, blur_px), arrangements, exposures, seed)
+    scene, spec, _ = _load()
+    spec = with_sensor(spec, noise_grey, blur_px)
+    model = OverheadModel.from_scene(with_camera(scene, OVERHEAD, spec), _UNITS)
+    views = _views(scene, model, spec, arrangements, exposures, seed)
     return evaluate(overhead_candidates(model, _UNITS), views, stream(seed, "bench/detection/order"))
 
 

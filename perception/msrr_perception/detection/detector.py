@@ -49,6 +49,9 @@ LARGE_TAG_PX = 20.0
 #: Largest decimation of the search.
 _MOST_DECIMATION = 4
 
+#: Sharpening of the sampled bits: of an image as it is, and of one that is restored from its blur.
+_SHARPENING, _RESTORED_SHARPENING = 1.0, 0.25
+
 #: Contrast of a 4 px tile below which the search skips it, in windows and in full frames [grey levels]. Tags
 #: have about 200; a limit near the noise lets every tile through, and the search takes 50 times longer.
 _CONTRAST, _SEARCH_CONTRAST = 30, 90
@@ -155,24 +158,31 @@ class PupilDetector(RefiningDetector):
         family: str = "tag36h11",
         quad_decimate: float = 1.0,
         quad_sigma: float = 0.0,
-        decode_sharpening: float = 1.0,
+        decode_sharpening: float | None = None,
         min_white_black_diff: int | None = None,
         max_hamming: int | None = None,
         min_decision_margin: float = 10.0,
         refine: bool = True,
+        restore: bool = True,
     ) -> None:
         """Create a detector; see :class:`NativeSettings` for the native parameters.
 
         Without ``max_hamming`` as many bits are corrected as the family allows. Without
-        ``min_white_black_diff`` it is 30 grey levels, or more if noise asks for it.
+        ``min_white_black_diff`` it is 30 grey levels, or more if noise asks for it. With ``restore`` tags are
+        looked for in images restored from the blur of the camera, where it is told and large enough
+        (:func:`msrr_perception.detection.restoration.restoring_filter`). Without ``decode_sharpening`` it is
+        1, and 0.25 in restored images.
 
         Raises:
             DetectorError: A parameter is out of its range.
         """
         check_ranges(locals())
         super().__init__(family, max_hamming, min_decision_margin, refine)
+        self._restores = restore
         contrast = _CONTRAST if min_white_black_diff is None else int(min_white_black_diff)
-        self.settings = NativeSettings(quad_decimate, quad_sigma, decode_sharpening, contrast)
+        sharpening = _SHARPENING if decode_sharpening is None else decode_sharpening
+        self._sharpening_is_given = decode_sharpening is not None
+        self.settings = NativeSettings(quad_decimate, quad_sigma, sharpening, contrast)
         self._decimate_for_large, self._contrast_is_given = 2.0, min_white_black_diff is not None
 
     def for_large_tags(self) -> PupilDetector:
@@ -199,11 +209,13 @@ class PupilDetector(RefiningDetector):
         noisy = super().for_noise(noise_grey)
         if noisy._restoring is not None:
             noise_grey *= noise_gain(noisy._restoring)
+            if not self._sharpening_is_given:
+                noisy.settings = replace(noisy.settings, decode_sharpening=_RESTORED_SHARPENING)
         contrast = min(math.ceil(_NOISE_SIGMAS * noise_grey), _MOST_CONTRAST)
         if self._contrast_is_given or contrast <= self.settings.min_white_black_diff:
             return noisy
         noisy = copy(noisy)
-        noisy.settings = replace(self.settings, min_white_black_diff=contrast)
+        noisy.settings = replace(noisy.settings, min_white_black_diff=contrast)
         return noisy
 
     def find(self, pixels: Pixels) -> list[TagDetection]:

@@ -76,6 +76,7 @@ class RefiningDetector(ABC):
         self.min_decision_margin = min_decision_margin
         self.refine = refine
         self._optic, self._blur_px = NO_LENS, 0.0
+        self._restores = True
         self._restoring: Array | None = None
 
     @abstractmethod
@@ -96,7 +97,7 @@ class RefiningDetector(ABC):
 
     def for_noise(self, noise_grey: float) -> Self:
         """Return a detector that looks for tags in images restored from blur, as far as noise allows it."""
-        by = restoring_filter(self._blur_px, noise_grey)
+        by = restoring_filter(self._blur_px, noise_grey) if self._restores else None
         if by is None:
             return self
         restoring = copy(self)

@@ -21,10 +21,11 @@ from msrr_scenes.messages import Pixels
 
 #: Blur up to which images are not restored [px]: with one of 0.8 px and 4 grey levels of noise the search
 #: finds 97 of 100 tags as near as 1.2 m as it is, and would take half as long again.
-_SHARP_PX = 1.0
+_SHARP_PX = 0.9
 
-#: Standard deviation of the brightness of what is looked for, black and white tags [grey levels].
-_SIGNAL_GREY = 70.0
+#: Standard deviation of the brightness of what is looked for, black and white tags, and the least one of the
+#: noise that is reckoned with [grey levels]: with less the filter would rely on a blur that is known exactly.
+_SIGNAL_GREY, _LEAST_NOISE_GREY = 70.0, 4.0
 
 #: Reach of the filter, by the blur, and at most [px]: with more blur than a third of that no tag is read.
 _REACH, _FARTHEST_PX = 3.0, 9
@@ -47,7 +48,7 @@ def restoring_filter(blur_px: float, noise_grey: float) -> Array | None:
     along = np.arange(-reach, reach + 1.0)
     places = np.stack(np.meshgrid(along, along), axis=-1).reshape(-1, 2)
     between = np.sum((places[:, None] - places) ** 2, axis=-1)
-    noise = (max(noise_grey, 1.0) / _SIGNAL_GREY) ** 2  # to round to whole grey levels is noise, too
+    noise = (max(noise_grey, _LEAST_NOISE_GREY) / _SIGNAL_GREY) ** 2
     matrix = _gaussian(between, 2.0 * blur_px**2) + noise * np.eye(len(places))
     solved = np.linalg.solve(matrix, _gaussian(np.sum(places**2, axis=-1), blur_px**2))
     by: Array = (solved / solved.sum()).reshape(len(along), len(along))

@@ -18,8 +18,8 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Pixels
 from tests.perception.conftest import Draw
 
-#: Blur [px] and noise [grey levels] of cameras of the grades ``workshop`` and ``rough``, and of a soft one.
-CAMERAS = [(1.13, 8.0), (1.6, 16.0), (1.6, 4.0), (2.5, 2.0)]
+#: Blur [px] and noise [grey levels] of cameras of the grades ``workshop`` and ``rough``, and of two others.
+CAMERAS = [(1.13, 8.0), (1.6, 16.0), (1.0, 2.0), (2.5, 2.0)]
 
 
 def seen(image: Pixels, blur_px: float, noise_grey: float, rng: np.random.Generator) -> Pixels:
@@ -100,6 +100,7 @@ def test_twice_as_many_tags_are_read_and_their_corners_are_measured_as_before(
 
 
 def test_a_camera_that_is_sharp_is_read_as_it_is() -> None:
-    assert restoring_filter(1.0, 8.0) is None
-    assert PupilDetector().for_blur(1.0).for_noise(2.0)._restoring is None
+    assert restoring_filter(0.8, 8.0) is None
+    sharp = PupilDetector().for_blur(0.8)
+    assert sharp.for_noise(2.0) is sharp
     assert restoring_filter(20.0, 8.0) is not None  # as much blur as a scene may have
