@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -79,7 +80,7 @@ class GlobalEstimator:
             drive.seen_from_above(model.roof(unit)),
             odometry,
             delay_compensation=delay_compensation,
-            motion=_OWN_MOTION,
+            motion=replace(_OWN_MOTION, strain=model.errors.strain),
         )
         self._others = ArenaTracker(model, standing_period_s)
         self._clock_s, self._strain = model.errors.clock_s, model.errors.strain

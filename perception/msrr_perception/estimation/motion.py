@@ -13,7 +13,7 @@ from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
 from msrr_perception.kernels.calibrated import AT_REST, CLOCK, LASTS_S, Rates
 from msrr_perception.kernels.dock_frame import predict
 from msrr_perception.kernels.drive import Drive, propagate
-from msrr_perception.pose.calibration import POSE_SIZE
+from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
 from msrr_perception.pose.target import YAW, TargetModel
 from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.geometry.se2 import SE2
@@ -42,6 +42,12 @@ _PARABOLA = np.linalg.pinv(np.vander(np.array(_TIMES_NS) / NS_PER_S, 3, increasi
 _VELOCITY, _ACCELERATION = _PARABOLA[1].tolist(), (2.0 * _PARABOLA[2]).tolist()
 
 _NO_STEPS = np.zeros((0, 5))
+
+#: Part of a state that has the errors of the drive.
+_OF_DRIVE = slice(POSE_SIZE, POSE_SIZE + DRIVE_SIZE)
+
+#: Way and turn after which the error of lengths in what measures the pose is another one [m, rad].
+_STRAINED_M, _STRAINED_RAD = 2.0, 1.0
 
 _NO_EXPOSURES = ExposureCounts()
 
@@ -102,6 +108,7 @@ class MotionNoise:
         tilt_time: Correlation time of pitch and roll [s].
         doubted: Speed by which each wheel, and the unit sideways, may be off where readings are doubted: one
             wheel spins on a smooth floor, or its encoder fails [m/s].
+        strain: Standard deviation of the error of lengths in what measures the pose, over their length.
     """
 
     slip: float = 0.0003
@@ -114,6 +121,7 @@ class MotionNoise:
     tilt_sigma: float = math.radians(0.05)
     tilt_time: float = 1.0
     doubted: float = 0.2
+    strain: float = 0.0
 
 
 DEFAULT_NOISE = MotionNoise()
@@ -142,7 +150,11 @@ class DriveMotion:
         self.in_motion = tuple((np.square([left, right, track]) / np.square(wheels)).tolist())
         layout = target.filter_layout
         sigmas = np.concatenate([wheels, layout.prior])
-        self.drawn = Knowledge(np.zeros(len(sigmas)), np.diag(sigmas**2), layout.own - POSE_SIZE)
+        covariance = np.diag(sigmas**2)
+        covariance[:DRIVE_SIZE, :DRIVE_SIZE] += noise.strain**2
+        self.drawn = Knowledge(np.zeros(len(sigmas)), covariance, layout.own - POSE_SIZE)
+        self._strain = noise.strain
+        self._roof_yaw = None if layout.roof is None else layout.roof + 2
         # Two readings, each rounded to a tick.
         self._rounding = 2.0 * (2.0 * math.pi / odometry.ticks_per_turn * target.wheel_radius) ** 2 / 12.0
         self._play = 3.0 * target.tolerances.backlash
@@ -217,6 +229,13 @@ class DriveMotion:
         steps, wheels = self._steps(state, history, stamp_ns)
         mean, P = state.mean.copy(), state.covariance.copy()
         propagate(mean, P, steps, self._packed_drive)
+        if self._strain:
+            way = math.hypot(mean[0] - state.mean[0], mean[1] - state.mean[1])
+            turn = abs(math.remainder(mean[YAW] - state.mean[YAW], 2.0 * math.pi))
+            more = self._strain**2 * (way / _STRAINED_M + turn / _STRAINED_RAD)
+            P[_OF_DRIVE, _OF_DRIVE] += more
+            if self._roof_yaw is not None:
+                P[self._roof_yaw, self._roof_yaw] += more
         return FilterState(
             stamp_ns,
             mean,
