@@ -19,7 +19,8 @@ from msrr_perception.estimation.dock_frame import in_seat
 from msrr_perception.estimation.first_fit import StartingState
 from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.measurement_history import Measurement, MeasurementHistory
-from msrr_perception.estimation.motion import DEFAULT_NOISE, DriveMotion, FilterState, MotionNoise
+from msrr_perception.estimation.motion import DriveMotion, FilterState
+from msrr_perception.estimation.motion_noise import DEFAULT_NOISE, MotionNoise
 from msrr_perception.estimation.wheel_doubt import doubts_wheels
 from msrr_perception.estimation.wheel_history import WheelHistory
 from msrr_perception.kernels.calibrated import AT_REST, Rates

@@ -16,7 +16,7 @@ import numpy as np
 from msrr_perception.estimation.arena_tracker import ArenaTracker
 from msrr_perception.estimation.body_track import Place, SeenPose, Sightings
 from msrr_perception.estimation.corner_filter import CornerEkf
-from msrr_perception.estimation.motion import MotionNoise
+from msrr_perception.estimation.motion_noise import MotionNoise
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import frozen

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from msrr_perception.estimation.knowledge import Knowledge
+from msrr_perception.estimation.motion_noise import MotionNoise
 from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
 from msrr_perception.kernels.calibrated import AT_REST, CLOCK, LASTS_S, Rates
 from msrr_perception.kernels.dock_frame import predict
@@ -46,8 +47,11 @@ _NO_STEPS = np.zeros((0, 5))
 #: Part of a state that has the errors of the drive.
 _OF_DRIVE = slice(POSE_SIZE, POSE_SIZE + DRIVE_SIZE)
 
-#: Way and turn after which the error of lengths in what measures the pose is another one [m, rad].
+#: Way and turn after which lengths in what strains them are off by another error [m, rad].
 _STRAINED_M, _STRAINED_RAD = 2.0, 1.0
+
+#: Way between two measurements [m]: by the strain its direction is off, which is taken to be drawn anew for each.
+_STEP_M = 0.025
 
 _NO_EXPOSURES = ExposureCounts()
 
@@ -88,45 +92,6 @@ class FilterState:
         return SE2(*self.mean[:3])
 
 
-@dataclass(frozen=True, slots=True)
-class MotionNoise:
-    """Random motion that the encoders do not measure.
-
-    Attributes:
-        slip: Motion along each wheel [m per square root of a metre driven].
-        sideways: Motion across the wheels [m per square root of a metre driven].
-        contact: Motion along each wheel in the contact zone, where one or both may spin while the unit stands
-            [m per square root of a metre driven]. A wheel that spins at 5 cm/s is off by 2 mm within the
-            40 ms between two exposures: as much as it turns.
-        guidance: Motion sideways in the contact zone, where the holes guide the pins [m per square root of a
-            metre driven].
-        contact_zone: Gap between the tips of the pins and the face of the port below which the unit is in the
-            contact zone [m].
-        drift: Motion of a unit at rest [m per square root of a second].
-        turn_drift: Rotation of a unit at rest [rad per square root of a second].
-        tilt_sigma: Standard deviation of pitch and roll [rad].
-        tilt_time: Correlation time of pitch and roll [s].
-        doubted: Speed by which each wheel, and the unit sideways, may be off where readings are doubted: one
-            wheel spins on a smooth floor, or its encoder fails [m/s].
-        strain: Standard deviation of the error of lengths in what measures the pose, over their length.
-    """
-
-    slip: float = 0.0003
-    sideways: float = 0.0002
-    contact: float = 0.045
-    guidance: float = 0.01
-    contact_zone: float = 0.012
-    drift: float = 5e-5
-    turn_drift: float = 3e-4
-    tilt_sigma: float = math.radians(0.05)
-    tilt_time: float = 1.0
-    doubted: float = 0.2
-    strain: float = 0.0
-
-
-DEFAULT_NOISE = MotionNoise()
-
-
 class DriveMotion:
     """Differential-drive motion of the state, exact for constant wheel speeds between two readings.
 
@@ -154,7 +119,6 @@ class DriveMotion:
         covariance[:DRIVE_SIZE, :DRIVE_SIZE] += noise.strain**2
         self.drawn = Knowledge(np.zeros(len(sigmas)), covariance, layout.own - POSE_SIZE)
         self._strain = noise.strain
-        self._roof_yaw = None if layout.roof is None else layout.roof + 2
         # Two readings, each rounded to a tick.
         self._rounding = 2.0 * (2.0 * math.pi / odometry.ticks_per_turn * target.wheel_radius) ** 2 / 12.0
         self._play = 3.0 * target.tolerances.backlash
@@ -169,7 +133,7 @@ class DriveMotion:
             contact_zone=noise.contact_zone,
             # Encoder noise grows with the angle turned, so it has the form of slip.
             wheel_variance=noise.slip**2 + odometry.noise_rad**2 * target.wheel_radius,
-            sideways=noise.sideways**2,
+            sideways=noise.sideways**2 + noise.strain**2 * _STEP_M,
             contact=noise.contact**2,
             guidance=noise.guidance**2,
             # Whether a wheel follows its motor is unknown until the play is taken up.
@@ -234,8 +198,6 @@ class DriveMotion:
             turn = abs(math.remainder(mean[YAW] - state.mean[YAW], 2.0 * math.pi))
             more = self._strain**2 * (way / _STRAINED_M + turn / _STRAINED_RAD)
             P[_OF_DRIVE, _OF_DRIVE] += more
-            if self._roof_yaw is not None:
-                P[self._roof_yaw, self._roof_yaw] += more
         return FilterState(
             stamp_ns,
             mean,
