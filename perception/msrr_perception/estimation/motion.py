@@ -50,7 +50,7 @@ _OF_DRIVE = slice(POSE_SIZE, POSE_SIZE + DRIVE_SIZE)
 #: Way and turn after which lengths in what strains them are off by another error [m, rad].
 _STRAINED_M, _STRAINED_RAD = 2.0, 1.0
 
-#: Way between two measurements [m]: by the strain its direction is off, which is taken to be drawn anew for each.
+#: Way between two measurements [m]: the strain puts its direction off, by another angle for each of them.
 _STEP_M = 0.025
 
 _NO_EXPOSURES = ExposureCounts()
