@@ -44,9 +44,6 @@ _VELOCITY, _ACCELERATION = _PARABOLA[1].tolist(), (2.0 * _PARABOLA[2]).tolist()
 
 _NO_STEPS = np.zeros((0, 5))
 
-#: Part of a state that has the errors of the drive.
-_OF_DRIVE = slice(POSE_SIZE, POSE_SIZE + DRIVE_SIZE)
-
 #: Way and turn after which lengths in what strains them are off by another error [m, rad].
 _STRAINED_M, _STRAINED_RAD = 2.0, 1.0
 
@@ -118,7 +115,6 @@ class DriveMotion:
         covariance = np.diag(sigmas**2)
         covariance[:DRIVE_SIZE, :DRIVE_SIZE] += noise.strain**2
         self.drawn = Knowledge(np.zeros(len(sigmas)), covariance, layout.own - POSE_SIZE)
-        self._strain = noise.strain
         # Two readings, each rounded to a tick.
         self._rounding = 2.0 * (2.0 * math.pi / odometry.ticks_per_turn * target.wheel_radius) ** 2 / 12.0
         self._play = 3.0 * target.tolerances.backlash
@@ -133,7 +129,7 @@ class DriveMotion:
             contact_zone=noise.contact_zone,
             # Encoder noise grows with the angle turned, so it has the form of slip.
             wheel_variance=noise.slip**2 + odometry.noise_rad**2 * target.wheel_radius,
-            sideways=noise.sideways**2 + noise.strain**2 * _STEP_M,
+            sideways=noise.sideways**2,
             contact=noise.contact**2,
             guidance=noise.guidance**2,
             # Whether a wheel follows its motor is unknown until the play is taken up.
@@ -142,6 +138,9 @@ class DriveMotion:
             turn_drift=noise.turn_drift**2,
             tilt=noise.tilt_sigma**2,
             tilt_time=noise.tilt_time,
+            strained=noise.strain**2 / _STRAINED_M,
+            strained_turning=noise.strain**2 / _STRAINED_RAD,
+            strained_aside=noise.strain**2 * _STEP_M,
         )
         self._packed_drive = self._drive.packed()
         self._doubted = noise.doubted
@@ -193,11 +192,6 @@ class DriveMotion:
         steps, wheels = self._steps(state, history, stamp_ns)
         mean, P = state.mean.copy(), state.covariance.copy()
         propagate(mean, P, steps, self._packed_drive)
-        if self._strain:
-            way = math.hypot(mean[0] - state.mean[0], mean[1] - state.mean[1])
-            turn = abs(math.remainder(mean[YAW] - state.mean[YAW], 2.0 * math.pi))
-            more = self._strain**2 * (way / _STRAINED_M + turn / _STRAINED_RAD)
-            P[_OF_DRIVE, _OF_DRIVE] += more
         return FilterState(
             stamp_ns,
             mean,

@@ -28,6 +28,9 @@ class Drive(NamedTuple):
     turn_drift: float  # variance per second
     tilt: float  # variance
     tilt_time: float  # [s]
+    strained: float  # variance of an error that radii and track have in common, per metre
+    strained_turning: float  # variance of that error per radian
+    strained_aside: float  # variance across the way per metre
 
     def packed(self) -> NDArray[np.void]:
         """Return the drive in the form that kernels take, a record of the same fields, shape (1,).
@@ -86,6 +89,14 @@ def add_slip(
     P[2, 1] += s * both
 
 
+@inlined
+def strain(P: Array, variance: float) -> None:
+    """Add a variance that both radii and the track have in common to their covariance."""
+    for i in range(5, 8):
+        for j in range(5, 8):
+            P[i, j] += variance
+
+
 @kernel
 def propagate(mean: Array, P: Array, steps: Array, packed: NDArray[np.void]) -> None:
     """Move mean and covariance of the state by K steps, in place.
@@ -121,6 +132,9 @@ def propagate(mean: Array, P: Array, steps: Array, packed: NDArray[np.void]) -> 
             F[0, column] = 0.5 * (d * c - chord * s * rate)
             F[1, column] = 0.5 * (d * s + chord * c * rate)
             F[2, column] = rate
+        strained = drive.strained * abs(forward) + drive.strained_turning * abs(turn)
+        if strained > 0.0:  # one half before the step and one after it: then steps may be cut in any way
+            strain(P, 0.5 * strained)
         for j in range(n):  # F P
             for i in range(3):
                 rows[i, j] = P[i, j] + F[i, 2] * P[2, j]
@@ -137,6 +151,13 @@ def propagate(mean: Array, P: Array, steps: Array, packed: NDArray[np.void]) -> 
             P[i, 3] *= keep
             P[i, 4] *= keep
         add_slip(P, drive, abs(d_left), abs(d_right), steps[k, 3], steps[k, 4], c, s, dt, x)
+        if strained > 0.0:
+            strain(P, 0.5 * strained)
+            aside = drive.strained_aside * abs(forward)
+            P[0, 0] += s * s * aside
+            P[0, 1] -= c * s * aside
+            P[1, 0] -= c * s * aside
+            P[1, 1] += c * c * aside
         P[3, 3] += (1.0 - keep * keep) * drive.tilt
         P[4, 4] += (1.0 - keep * keep) * drive.tilt
         mean[0], mean[1] = x + chord * c, mean[1] + chord * s

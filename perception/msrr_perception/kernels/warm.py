@@ -51,7 +51,7 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     update(optics, tags, which, row, np.ones((1, 4)), AT_REST, sheet, 1.0, 0.1, state, np.eye(8), rules)
     derivatives(optics, tags, seen, state)
     fit(optics, tags, seen, state, state, np.eye(8), 2, 1e-3)
-    steps, drive = np.zeros((1, 5)), Drive(*[1.0] * 13).packed()
+    steps, drive = np.zeros((1, 5)), Drive(*[1.0] * len(Drive._fields)).packed()
     propagate(state.copy(), np.eye(8), steps, drive)
     predict(state, np.eye(8), steps, drive, -1, still)
     pose_by_marker(state, -1, still)

@@ -53,11 +53,12 @@ def test_odometry_alone_is_the_integral_on_se2(target: TargetModel) -> None:
     np.testing.assert_allclose(state.X_DU.as_array(), X.as_array(), atol=1e-9)
 
 
-def test_stops_on_the_way_change_nothing(target: TargetModel) -> None:
+@pytest.mark.parametrize("strain", [0.0, 0.04])
+def test_stops_on_the_way_change_nothing(target: TargetModel, strain: float) -> None:
     """The way is the same in one go and in pieces that end between readings (steps of constant speed)."""
     turn = np.linspace(0.0, 4.0, 41)
     history = _wheels(turn, 1.4 * turn)
-    motion = DriveMotion(target, OdometrySpec(), DEFAULT_NOISE)
+    motion = DriveMotion(target, OdometrySpec(), replace(DEFAULT_NOISE, strain=strain))
     start = _start(motion, SE2(-0.7, 0.1, 0.3), history)
     whole = motion.propagate(start, history, 40 * TICK_NS)
     state = start
@@ -65,6 +66,19 @@ def test_stops_on_the_way_change_nothing(target: TargetModel) -> None:
         state = motion.propagate(state, history, int(t))
     np.testing.assert_allclose(state.mean, whole.mean, atol=1e-9)
     np.testing.assert_allclose(state.covariance, whole.covariance, rtol=2e-3, atol=1e-9)
+
+
+def test_lengths_are_strained_and_turns_are_not(target: TargetModel) -> None:
+    """A way of 0.2 m is off by 4 % of it, and by what that changes on 0.2 m; a turn by nothing."""
+    angles = np.linspace(0.0, 0.2 / target.wheel_radius, 41)
+    for sign, along in ((1.0, 0.2 * 0.04), (-1.0, 0.0)):
+        history, ended = _wheels(angles, sign * angles), []
+        for strain in (0.0, 0.04):
+            motion = DriveMotion(target, OdometrySpec(), replace(SILENT, strain=strain))
+            ended.append(motion.propagate(_start(motion, SE2(), history), history, 40 * TICK_NS))
+        added = ended[1].covariance - ended[0].covariance
+        assert math.sqrt(max(added[0, 0], 0.0)) == pytest.approx(along, rel=0.03, abs=1e-6)
+        assert added[2, 2] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_the_covariance_moves_by_the_derivative_of_the_motion(target: TargetModel) -> None:
