@@ -62,6 +62,7 @@ def test_a_row_gets_the_figures_of_its_columns_and_keeps_the_rest(script: Module
     assert float(closest) == pytest.approx(summary.min_clearance_m, abs=0.00051)
 
 
+@pytest.mark.nightly
 def test_missions_are_told_with_their_docks_and_plans_with_late_attempts(script: ModuleType) -> None:
     assert script.ends(swept("one_port", 1)) == "1 of 1 incomplete, 1 of 1 docks"
     again = swept("dock_again", 1)

