@@ -9,6 +9,7 @@ Measurements take effect at the time of their exposure, however late or in whate
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,14 +17,13 @@ import numpy as np
 from msrr_perception.estimation.calibration_errors import CalibrationError, calibration_errors
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.dock_frame import in_seat
-from msrr_perception.estimation.first_fit import StartingState
+from msrr_perception.estimation.filter_step import FilterStep
+from msrr_perception.estimation.hypotheses import mixed
 from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.measurement_history import Measurement, MeasurementHistory
 from msrr_perception.estimation.motion import DriveMotion, FilterState
 from msrr_perception.estimation.motion_noise import DEFAULT_NOISE, MotionNoise
-from msrr_perception.estimation.wheel_doubt import doubts_wheels
 from msrr_perception.estimation.wheel_history import WheelHistory
-from msrr_perception.kernels.calibrated import AT_REST, Rates
 from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
 from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise
 from msrr_perception.pose.target import TargetModel
@@ -35,15 +35,10 @@ from msrr_scenes.messages import (
     ExposureCounts,
     PoseEstimate,
     PoseMeasurement,
-    TagDetection,
     WheelOdometry,
 )
 from msrr_scenes.registry import out_of_range
 from msrr_scenes.specs.sensors import OdometrySpec
-
-#: Standard deviation of a place that tells nothing, as after wheel readings of another unit [m]. Beyond a
-#: thousand times that, rounding leaves nothing of the covariance of a pose that an image shows.
-_NOWHERE_M = 10.0
 
 #: End of the errors of the drive in a state.
 _DRIVE_END = POSE_SIZE + DRIVE_SIZE
@@ -121,17 +116,16 @@ class CornerEkf:
             odometry,
             replace(motion or MotionNoise(slip=slip), tilt_sigma=tilt_sigma),
         )
-        self._update = CornerUpdate(target, noise, corner_sigma_px, gate_probability, start_inflation)
-        self._known = self._motion.drawn
-        self._reset_after = reset_after
         self._horizon_ns = round(horizon_s * NS_PER_S)
         self._wheels = WheelHistory()
+        update = CornerUpdate(target, noise, corner_sigma_px, gate_probability, start_inflation)
+        self._step = FilterStep(self._motion, update, self._wheels, reset_after)
         self.reset()
 
     def reset(self) -> None:
         """Forget everything but the encoder readings."""
         self._predictions: dict[int, PoseEstimate | None] = {}
-        self._history = MeasurementHistory(self._process, self._horizon_ns)
+        self._history = MeasurementHistory(self._step.take, self._horizon_ns)
         self._head: tuple[FilterState, FilterState] | None = None
 
     def add_odometry(self, reading: WheelOdometry) -> None:
@@ -173,9 +167,16 @@ class CornerEkf:
         state = self._history.state_before(stamp_ns)
         if state is None:
             return None
-        if state is self._history.newest:
-            state = self._advance_head(state, stamp_ns)
-        return self._motion.predict(state, self._wheels, stamp_ns)
+        moved = self._advance_head(state, stamp_ns) if state is self._history.newest else state
+        return self._pose(moved, state.rivals, stamp_ns)
+
+    def _pose(self, state: FilterState, rivals: Sequence[FilterState], stamp_ns: int) -> PoseEstimate:
+        """Return the pose of a state at an instant, with a covariance that holds those of its rivals."""
+        pose = self._motion.predict(state, self._wheels, stamp_ns)
+        if not rivals:
+            return pose
+        others = [self._motion.predict(rival, self._wheels, stamp_ns) for rival in rivals]
+        return mixed([pose, *others], [0.0, *(rival.cost for rival in rivals)])
 
     def velocity(self, stamp_ns: int) -> Array:
         """Return the velocity of (x, y, yaw) in D, shape (3,) [m/s, rad/s], by the wheels; 0 when lost."""
@@ -189,7 +190,7 @@ class CornerEkf:
         if self.delay_compensation:
             return self.predict(now_ns)
         state = self._history.state_before(now_ns)
-        return None if state is None else self._motion.predict(state, self._wheels, state.stamp_ns)
+        return None if state is None else self._pose(state, state.rivals, state.stamp_ns)
 
     def drive_errors(self) -> tuple[float, float, float]:
         """Return what is known of the relative errors of the left and right radius and of the track.
@@ -198,7 +199,7 @@ class CornerEkf:
         sheets tell one from the other: by the share of its variance.
         """
         state = self._history.newest
-        known = self._known.mean[:DRIVE_SIZE] if state is None else state.mean[POSE_SIZE:_DRIVE_END]
+        known = self._step.known.mean[:DRIVE_SIZE] if state is None else state.mean[POSE_SIZE:_DRIVE_END]
         (left, right, track), (by_left, by_right, by_track) = known.tolist(), self._motion.in_motion
         return by_left * left, by_right * right, by_track * track
 
@@ -215,7 +216,7 @@ class CornerEkf:
 
     def recall(self, knowledge: Knowledge) -> None:
         """Start from what was learned earlier, instead of from the drawing alone."""
-        self._known = knowledge
+        self._step.known = knowledge
 
     def learned(self, seated: bool) -> Knowledge | None:
         """Return what is known of the errors of calibration; None while nothing was seen.
@@ -252,52 +253,3 @@ class CornerEkf:
             self._predictions.clear()
             self._head = None
             self._wheels.forget_before(self._history.needed_from_ns - self._motion.about_ns)
-
-    def _process(self, before: FilterState | None, measurement: Measurement) -> FilterState | None:
-        if before is None:
-            return self._start(measurement)
-        prior = self._motion.to_measurement(before, self._wheels, measurement.exposure.stamp_ns)
-        rates = AT_REST
-        if isinstance(measurement, Detections):
-            rates = self._motion.rates(prior, self._wheels)
-            prior = replace(prior, told_ns=self._motion.told_until(rates, prior.stamp_ns))
-        nowhere = float(np.trace(prior.covariance[:2, :2])) > _NOWHERE_M**2
-        after = agreeing = None if nowhere else self._corrected(prior, measurement, rates)
-        rejected = 0 if agreeing is not None else prior.rejected + 1
-        anew = nowhere or rejected >= self._reset_after
-        if not anew and doubts_wheels(prior, measurement, rejected):
-            after = self._corrected(self._motion.doubting(prior), measurement, rates) or agreeing
-        if after is not None:
-            if agreeing is not None:
-                return replace(after, exposures=prior.exposures + ExposureCounts(used=1))
-            exposures = prior.exposures + ExposureCounts(without_wheels=1)
-            return replace(after, doubted_ns=prior.stamp_ns, exposures=exposures)
-        exposures = prior.exposures + ExposureCounts(rejected=1)
-        start = self._start(measurement) if anew else None
-        if start is None:
-            return replace(prior, rejected=rejected, exposures=exposures)
-        return replace(start, told_ns=prior.told_ns, exposures=exposures)
-
-    def _corrected(self, prior: FilterState, measurement: Measurement, rates: Rates) -> FilterState | None:
-        """Return a state corrected by a measurement; None if that lies outside the gate."""
-        if isinstance(measurement, PoseMeasurement):
-            return self._update.by_pose(prior, measurement)
-        return self._update.by_corners(prior, self._of_target(measurement), rates)
-
-    def _start(self, measurement: Measurement) -> FilterState | None:
-        """Return a state from one measurement alone; None when it does not determine one."""
-        found: StartingState | None
-        if isinstance(measurement, PoseMeasurement):
-            found = self._update.start_by_pose(measurement, self._known)
-        else:
-            found = self._update.start_by_corners(self._of_target(measurement), self._known)
-        if found is None:
-            return None
-        stamp = measurement.exposure.stamp_ns
-        wheels = self._wheels.angles_at(stamp)
-        return FilterState(
-            stamp, found.mean, found.covariance, wheels, stamp, exposures=ExposureCounts(used=1)
-        )
-
-    def _of_target(self, detections: Detections) -> list[TagDetection]:
-        return [t for t in detections.tags if t.tag_id in self.target.corners_D]

@@ -14,6 +14,7 @@ import numpy as np
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.estimation.first_fit import FirstFit, StartingState
 from msrr_perception.estimation.knowledge import Knowledge
+from msrr_perception.estimation.measurement_history import Measurement
 from msrr_perception.estimation.motion import FilterState
 from msrr_perception.kernels.calibrated import AT_REST, EDGE, Rates
 from msrr_perception.kernels.corners import Seen, derivatives
@@ -24,7 +25,7 @@ from msrr_perception.pose.corner_fit import fit_corners, measured_corners
 from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise
 from msrr_perception.pose.target import YAW, TargetModel, pose_vector
 from msrr_scenes.arrays import Array
-from msrr_scenes.messages import PoseMeasurement, TagDetection
+from msrr_scenes.messages import Detections, PoseMeasurement, TagDetection
 
 #: Share of an exposure in the variance of the corners by their residuals, and the largest such variance.
 _NOISE_SHARE, _LARGEST_SCALE = 0.1, 100.0
@@ -65,8 +66,32 @@ class CornerUpdate:
         self._inflation = start_inflation
         self._first = FirstFit(target, self._sheet, noise, start_inflation)
 
-    def start_by_pose(self, measurement: PoseMeasurement, known: Knowledge) -> StartingState:
-        """Return a first state from a measured pose and what is known of drive and calibration."""
+    def start(self, measurement: Measurement, known: Knowledge) -> list[StartingState]:
+        """Return first states by one measurement and by what is known of drive and calibration, best first.
+
+        There are more than one where it allows more than one pose, and none where it determines none.
+        """
+        if isinstance(measurement, PoseMeasurement):
+            return [self._start_by_pose(measurement, known)]
+        return self._first.states(self._of_target(measurement), known)
+
+    def correct(self, prior: FilterState, measurement: Measurement, rates: Rates) -> FilterState | None:
+        """Return a state corrected by a measurement; None if that lies outside the gate.
+
+        Args:
+            prior: State at the measurement.
+            measurement: The measurement.
+            rates: How the unit moves about an exposure.
+        """
+        if isinstance(measurement, PoseMeasurement):
+            return self._by_pose(prior, measurement)
+        return self.by_corners(prior, self._of_target(measurement), rates)
+
+    def _of_target(self, detections: Detections) -> list[TagDetection]:
+        return [t for t in detections.tags if t.tag_id in self._target.corners_D]
+
+    def _start_by_pose(self, measurement: PoseMeasurement, known: Knowledge) -> StartingState:
+        """Return a first state from a measured pose."""
         pose = pose_vector(measurement.X_DU)
         by_errors = self._of_pose(self._at(pose))
         first, k = self._layout.first - POSE_SIZE, by_errors.shape[1]
@@ -79,11 +104,7 @@ class CornerUpdate:
         covariance = np.block([[measured + AQ @ A.T, AQ], [AQ.T, known.covariance]])
         return StartingState(np.concatenate([pose + A @ known.mean, known.mean]), covariance)
 
-    def start_by_corners(self, tags: Sequence[TagDetection], known: Knowledge) -> StartingState | None:
-        """Return a first state from the tags of one exposure; see :meth:`FirstFit.state`."""
-        return self._first.state(tags, known)
-
-    def by_pose(self, prior: FilterState, measurement: PoseMeasurement) -> FilterState | None:
+    def _by_pose(self, prior: FilterState, measurement: PoseMeasurement) -> FilterState | None:
         """Return the state corrected by a measured pose; None if that lies outside the gate."""
         P, n = prior.covariance, prior.mean.shape[0]
         # A measured pose is off by the errors of calibration as a pose from all tags would be.
@@ -93,8 +114,8 @@ class CornerUpdate:
         innovation = measurement.X_DU.as_array() - H @ prior.mean
         innovation[2] = math.remainder(innovation[2], 2.0 * math.pi)
         S = H @ P @ H.T + measurement.covariance
-        gate = chi_squared_quantile(self._gate_probability, 3)
-        if float(innovation @ np.linalg.solve(S, innovation)) > gate:
+        distance = float(innovation @ np.linalg.solve(S, innovation))
+        if distance > self._gate(3):
             return None
         gain = np.linalg.solve(S, H @ P).T
         mean = prior.mean + gain @ innovation
@@ -102,7 +123,10 @@ class CornerUpdate:
         left = np.eye(n) - gain @ H
         # Joseph's form keeps the covariance positive definite whatever the gain's rounding.
         covariance = left @ P @ left.T + gain @ measurement.covariance @ gain.T
-        return replace(prior, mean=mean, covariance=covariance, last_seen_ns=prior.stamp_ns, rejected=0)
+        cost = prior.cost + distance + _log_determinant(S)
+        return replace(
+            prior, mean=mean, covariance=covariance, last_seen_ns=prior.stamp_ns, rejected=0, cost=cost
+        )
 
     def by_corners(
         self, prior: FilterState, tags: Sequence[TagDetection], rates: Rates
@@ -118,7 +142,7 @@ class CornerUpdate:
         """
         which, corners, sigma_px = measured_corners(self._layout, tags)
         target, layout, scale = self._target, self._layout, prior.noise_scale
-        mean, covariance, chi2, seen, fell = update(
+        mean, covariance, chi2, cost, seen, fell = update(
             target.optics,
             layout.tags,
             which,
@@ -130,7 +154,7 @@ class CornerUpdate:
             target.frame_period_s,
             prior.mean,
             prior.covariance,
-            Rules(chi_squared_quantile(self._gate_probability, 8), _ITERATIONS, _TOLERANCE),
+            Rules(self._gate(8), _ITERATIONS, _TOLERANCE),
         )
         if not len(seen.which):
             return None
@@ -142,6 +166,7 @@ class CornerUpdate:
             except np.linalg.LinAlgError:  # by wheels in other units the target is behind, or metres away
                 return None
             mean, covariance, chi2 = fit.state, fit.covariance, fit.chi2
+            cost = fit.cost - _log_determinant(information) - _log_determinant(covariance)
         mean[YAW] = math.remainder(mean[YAW], 2.0 * math.pi)
         found = scale * chi2 / seen.corners.size
         scale = (1.0 - _NOISE_SHARE) * scale + _NOISE_SHARE * found
@@ -152,7 +177,18 @@ class CornerUpdate:
             last_seen_ns=prior.stamp_ns,
             rejected=0,
             noise_scale=min(max(scale, 1.0), _LARGEST_SCALE),
+            cost=prior.cost + cost + self._gate(8) * (len(tags) - len(seen.which)),
         )
+
+    def cost_outside(self, measurement: Measurement) -> float:
+        """Return the cost of a measurement that lies outside the gate: at least that of its border."""
+        if isinstance(measurement, PoseMeasurement):
+            return self._gate(3)
+        return self._gate(8) * len(self._of_target(measurement))
+
+    def _gate(self, freedom: int) -> float:
+        """Return the squared Mahalanobis distance beyond which a measurement of some freedom is left out."""
+        return chi_squared_quantile(self._gate_probability, freedom)
 
     def _at(self, pose: Array) -> Array:
         """Return a state at a pose with tilt, shape (5,), with everything as drawn."""
@@ -203,3 +239,7 @@ def _by_roof(yaw: float) -> Array:
     by_errors = np.zeros((POSE_SIZE, 3))
     by_errors[:3] = [[-c, s, 0.0], [-s, -c, 0.0], [0.0, 0.0, -1.0]]
     return by_errors
+
+
+def _log_determinant(covariance: Array) -> float:
+    return float(np.linalg.slogdet(covariance)[1])

@@ -15,6 +15,7 @@ from msrr_scenes.guarded import no_result, wrong
 from msrr_scenes.messages import (
     NS_PER_S,
     Detections,
+    ExposureCounts,
     PoseEstimate,
     PoseMeasurement,
     WheelOdometry,
@@ -89,7 +90,10 @@ def _pose(result: object) -> PoseEstimate | None:
     for stamp in (result.stamp_ns, result.last_seen_ns):
         if not isinstance(stamp, Integral) or abs(int(stamp)) > _LATEST_NS:
             wrong(stamp, "a time in whole nanoseconds")
-    return PoseEstimate(int(result.stamp_ns), X, frozen(covariance.astype(float)), int(result.last_seen_ns))
+    if not (result.exposures is None or isinstance(result.exposures, ExposureCounts)):
+        wrong(result.exposures, "ExposureCounts, or None")
+    covariance = frozen(covariance.astype(float))
+    return PoseEstimate(int(result.stamp_ns), X, covariance, int(result.last_seen_ns), result.exposures)
 
 
 def _prediction(

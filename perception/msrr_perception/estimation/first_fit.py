@@ -23,8 +23,7 @@ from msrr_perception.pose.corner_fit import (
     fit_corners,
     is_determined,
     measured_corners,
-    moment_along_yaw,
-    second_moment,
+    pieces_along_yaw,
 )
 from msrr_perception.pose.joint_pose import CornerNoise, joint_pose, largest_tag, one_tag_poses
 from msrr_perception.pose.target import TargetModel, pose_vector
@@ -37,17 +36,17 @@ _ITERATIONS = 30
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StartingState:
-    """Mean and covariance of a first state, shapes (n,) and (n, n)."""
+    """A first state, shapes (n,) and (n, n), and the squared residuals that it leaves."""
 
     mean: Array
     covariance: Array
+    cost: float = 0.0
 
 
 class _Found(NamedTuple):
-    """A first state, the cost of its fit, and whether that explains the tags."""
+    """First states, best first, and whether the best one explains the tags."""
 
-    state: StartingState
-    cost: float
+    states: list[StartingState]
     agrees: bool
 
 
@@ -66,11 +65,11 @@ class FirstFit:
         self._target, self._layout = target, target.filter_layout
         self._sheet, self._noise, self._inflation = sheet, noise, inflation
 
-    def state(self, tags: Sequence[TagDetection], known: Knowledge) -> StartingState | None:
-        """Return a first state; None if the tags determine none, or do not agree.
+    def states(self, tags: Sequence[TagDetection], known: Knowledge) -> list[StartingState]:
+        """Return first states, best first; none if the tags determine none, or do not agree.
 
         Of three tags or more the one that disagrees is left out; of two that disagree neither can be trusted.
-        Where the tags allow two poses, the covariance covers both by their odds.
+        There are more than one where the tags allow more than one pose, as a single flat tag does.
 
         Args:
             tags: Tags of the target in one exposure.
@@ -80,8 +79,8 @@ class FirstFit:
         if found is not None and not found.agrees:
             rests = [[t for t in tags if t is not odd] for odd in tags] if len(tags) > 2 else []
             fitted = [fit for rest in rests if (fit := self._fit(rest, known)) is not None and fit.agrees]
-            found = min(fitted, key=lambda fit: fit.cost, default=None)
-        return None if found is None else found.state
+            found = min(fitted, key=lambda fit: fit.states[0].cost, default=None)
+        return [] if found is None else found.states
 
     def _fit(self, tags: Sequence[TagDetection], known: Knowledge) -> _Found | None:
         """Return what a fit to some tags found; None if they determine nothing."""
@@ -104,19 +103,17 @@ class FirstFit:
             return found if is_determined(found) else None
 
         states = [np.concatenate([start, known.mean]) for start in starts]
-        fits = [found for state in states if (found := fit(seen, state)) is not None]
+        fits = [one for state in states if (one := fit(seen, state)) is not None]
         if not fits:
             return None
-        solutions = distinct(fits)
-        covariance = second_moment(solutions)
+        found = distinct(fits)
+        best = found[0].state
         if len(tags) == 1:
-            covariance = moment_along_yaw(target, layout, seen, solutions, prior, information)
-        best = solutions[0]
+            found = pieces_along_yaw(target, layout, seen, found, prior, information)
         # Tilt, motion and what surrounds a tag put corners off by more than they are weighed by.
-        loose = self._seen(tags, best.state, self._noise.corner_sigma_px)
-        agreed = fit(loose, best.state)
-        agree = agreed is not None and _is_good(agreed.cost, len(tags))
-        return _Found(StartingState(best.state, covariance), best.cost, agree)
+        agreed = fit(self._seen(tags, best, self._noise.corner_sigma_px), best)
+        agrees = agreed is not None and _is_good(agreed.cost, len(tags))
+        return _Found([StartingState(one.state, one.covariance, one.cost) for one in found], agrees)
 
     def _seen(self, tags: Sequence[TagDetection], state: Array, more_px: float = 0.0) -> Seen:
         """Return measured corners with their covariances, and with another independent deviation [px]."""

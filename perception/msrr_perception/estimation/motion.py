@@ -70,6 +70,8 @@ class FilterState:
         doubted_ns: Exposure time of the last measurement that agrees only if what the wheels tell is doubted;
             None if each agrees with it.
         exposures: What became of the exposures up to this state.
+        cost: Squared innovations of its measurements; only how they differ between rivals means something.
+        rivals: Other states that may be the right one instead; they have no rivals themselves.
     """
 
     stamp_ns: int
@@ -82,6 +84,8 @@ class FilterState:
     told_ns: int = 0
     doubted_ns: int | None = None
     exposures: ExposureCounts = _NO_EXPOSURES
+    cost: float = 0.0
+    rivals: tuple[FilterState, ...] = ()
 
     @property
     def X_DU(self) -> SE2:
@@ -186,7 +190,7 @@ class DriveMotion:
         return 0.5 * (left + right), (right - left) / self._drive.track
 
     def propagate(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
-        """Return the state moved forward to ``stamp_ns`` along the encoder readings."""
+        """Return the state, without its rivals, moved forward to ``stamp_ns`` along the encoder readings."""
         if stamp_ns <= state.stamp_ns:
             return state
         steps, wheels = self._steps(state, history, stamp_ns)
@@ -202,6 +206,7 @@ class DriveMotion:
             state.noise_scale,
             doubted_ns=state.doubted_ns,
             exposures=state.exposures,
+            cost=state.cost,
         )
 
     def to_measurement(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:

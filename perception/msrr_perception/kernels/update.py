@@ -8,6 +8,7 @@ TAC 38, 1993), which :mod:`msrr_perception.kernels.fit` damps where it rises.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -96,7 +97,7 @@ def update(
     mean: Array,
     covariance: Array,
     rules: Rules,
-) -> tuple[Array, Array, float, Seen, bool]:
+) -> tuple[Array, Array, float, float, Seen, bool]:
     """Correct a state by the corners of those tags that lie inside the gate.
 
     Args:
@@ -114,9 +115,10 @@ def update(
         rules: Gate and end of the iteration.
 
     Returns:
-        State, covariance, squared residuals, the tags inside the gate, and whether the cost fell with every
-        step and all variances are positive; if not, or without a tag inside the gate, the state is not to be
-        used.
+        State, covariance, squared residuals of the corners, minus twice the logarithm of the likelihood of
+        these by the prior but for a constant (by Laplace's method), the tags inside the gate, and whether the
+        cost fell with every step and all variances are positive; if not, or without a tag inside the gate,
+        the state is not to be used.
     """
     n, variances = mean.shape[0], variances_of_corners(corners, sigma_px, sheet, scale)
     roots = roots_of_covariance(optics, tags, which, corners, rates, mean, variances, period)
@@ -173,10 +175,12 @@ def update(
     P = covariance.copy()
     fell = fell and cholesky(S, L)
     if fell:
+        for row in range(rows):
+            cost += 2.0 * math.log(L[row, row])
         reduce(P, L, JP)
         for k in range(n):  # where a tag is next to the plane of the camera, rounding leaves nothing of some
             fell = fell and P[k, k] > 0.0
-    return state, P, chi2, seen, fell
+    return state, P, chi2, cost, seen, fell
 
 
 @subroutine

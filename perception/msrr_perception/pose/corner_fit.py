@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,9 @@ from msrr_scenes.messages import TagDetection
 #: Step at which the iteration stops, in standard deviations of the solution.
 _TOLERANCE = 1e-3
 
-#: Range beyond the solutions and step in which a single tag's yaw is sampled, and the standard deviation with
-#: which the yaw is held at a sample [rad]; largest number of linearisations there.
-_YAW_RANGE, _YAW_STEP, _YAW_HOLD, _YAW_ITERATIONS = 0.5, 0.035, 1e-5, 8
+#: Standard deviation below which a single tag's yaw is known, range beyond the solutions in which it is cut
+#: into pieces otherwise, and their distance and standard deviation [rad]; largest number of linearisations.
+_YAW_KNOWN, _YAW_RANGE, _YAW_PIECE, _YAW_ITERATIONS = 0.007, 0.5, 0.05, 12
 
 #: Variance of the pose [m^2, rad^2] above which corners say nothing of it.
 _LARGEST_VARIANCE = 1e6
@@ -81,24 +81,33 @@ def distinct(fits: Sequence[CornerFit]) -> list[CornerFit]:
     return found
 
 
-def second_moment(solutions: Sequence[CornerFit]) -> Array:
-    """Return the second moment of all solutions about the first, each by its odds, shape (n, n)."""
-    return _moment_about(solutions[0].state, solutions)
+def second_moment(state: Array, found: Sequence[CornerFit]) -> Array:
+    """Return the second moment of one fit or more about a state, each by its odds, shape (n, n)."""
+    off = [deviation(one.state, state) for one in found]
+    moments = [one.covariance + np.outer(d, d) for one, d in zip(found, off, strict=True)]
+    return np.asarray(np.tensordot(odds([one.cost for one in found]), np.array(moments), axes=1))
 
 
-def moment_along_yaw(
+def odds(costs: Sequence[float]) -> Array:
+    """Return the probability of each of some hypotheses by the squared residuals that it leaves."""
+    likelihoods = np.exp(-0.5 * (np.array(costs) - min(costs)))
+    return np.asarray(likelihoods / likelihoods.sum())
+
+
+def pieces_along_yaw(
     target: TargetModel,
     layout: StateLayout,
     seen: Seen,
     solutions: Sequence[CornerFit],
     prior_mean: Array,
     prior_information: Array,
-) -> Array:
-    """Return the second moment about the first solution of a fit to a single tag, shape (n, n).
+) -> list[CornerFit]:
+    """Return fits to a single tag that together are as likely everywhere as the tag says, best first.
 
     A single flat tag seen from the front determines the yaw so poorly that the likelihood is not Gaussian: it
-    is flat or has two peaks, and its curvature at the best point is far too optimistic. So the yaw is
-    sampled, the other entries are solved for at each sample, and the moments are taken over all samples.
+    is flat or has two peaks, and its curvature at the best point is far too optimistic. So it is cut into
+    pieces along the yaw: priors of the yaw, each of which is narrow enough for its fit to be linear, and
+    which add up to a constant.
 
     Args:
         target: Camera and its mounting.
@@ -108,38 +117,25 @@ def moment_along_yaw(
         prior_mean: As for :func:`fit_corners`, which found the solutions.
         prior_information: The same.
     """
-    by_curvature = second_moment(solutions)
-    if len(solutions) == 1 and by_curvature[YAW, YAW] < (0.2 * _YAW_STEP) ** 2:
-        return by_curvature
+    if len(solutions) == 1 and solutions[0].covariance[YAW, YAW] < _YAW_KNOWN**2:
+        return list(solutions)
     best = solutions[0].state
     turns = [float(deviation(one.state, best)[YAW]) for one in solutions]
     mean, held = prior_mean.copy(), prior_information.copy()
-    held[YAW, YAW] = _YAW_HOLD**-2
+    held[YAW, YAW] = _YAW_PIECE**-2
     start = solutions[int(np.argmin(turns))].state.copy()
-    samples = list[CornerFit]()
-    for turn in np.arange(min(turns) - _YAW_RANGE, max(turns) + _YAW_RANGE, _YAW_STEP):
+    pieces = list[CornerFit]()
+    for turn in np.arange(min(turns) - _YAW_RANGE, max(turns) + _YAW_RANGE, _YAW_PIECE):
         mean[YAW] = start[YAW] = best[YAW] + turn
         try:
-            sample = fit_corners(target, layout, seen, start, mean, held, _YAW_ITERATIONS)
+            piece = fit_corners(target, layout, seen, start, mean, held, _YAW_ITERATIONS)
         except np.linalg.LinAlgError:  # at this yaw the corners explain nothing
             continue
-        if math.isfinite(sample.cost) and np.isfinite(sample.covariance).all():
-            samples.append(sample)
-            start = sample.state.copy()
-    if not samples:
-        return by_curvature
-    along_yaw = _moment_about(best, samples)
-    # Where the yaw is known better than a step of the sampling, the curvature is right and the sum is coarse.
-    return by_curvature if along_yaw[YAW, YAW] < _YAW_STEP**2 else along_yaw
-
-
-def _moment_about(state: Array, found: Sequence[CornerFit]) -> Array:
-    """Return the second moment of fits about a state, each by its odds, shape (n, n)."""
-    costs = np.array([one.cost for one in found])
-    odds = np.exp(-0.5 * (costs - costs.min()))
-    off = [deviation(one.state, state) for one in found]
-    moments = [one.covariance + np.outer(d, d) for one, d in zip(found, off, strict=True)]
-    return np.asarray(np.tensordot(odds / odds.sum(), np.array(moments), axes=1))
+        if math.isfinite(piece.cost) and is_determined(piece):
+            # By Laplace's method a piece is as probable as it is high and wide.
+            pieces.append(replace(piece, cost=piece.cost - float(np.linalg.slogdet(piece.covariance)[1])))
+            start = piece.state.copy()
+    return sorted(pieces, key=lambda piece: piece.cost) or list(solutions)
 
 
 def measured_corners(

@@ -15,7 +15,7 @@ from msrr_perception.pose.corner_fit import (
     equally_good,
     fit_corners,
     is_determined,
-    moment_along_yaw,
+    pieces_along_yaw,
     second_moment,
 )
 from msrr_perception.pose.target import TargetModel, pose_vector
@@ -137,10 +137,10 @@ def joint_pose(
     if not fits:
         return None
     fits = distinct(fits)
-    moment = second_moment(fits)
+    pieces = fits
     if len(known) == 1:
-        moment = moment_along_yaw(target, target.layout, seen, fits, np.zeros(5), prior)
-    return _report(fits, moment[:3, :3], tuple(sorted(t.tag_id for t in known)))
+        pieces = pieces_along_yaw(target, target.layout, seen, fits, np.zeros(5), prior)
+    return _report(fits, second_moment(fits[0].state, pieces)[:3, :3], tuple(sorted(t.tag_id for t in known)))
 
 
 def _report(fits: list[CornerFit], covariance: Array, tags: tuple[int, ...]) -> JointPose:

@@ -110,10 +110,7 @@ def test_many_pictures_of_another_size_are_not_named_one_by_one(
 @pytest.mark.nightly
 def test_the_command_runs_without_the_simulator(trial: Trial, pictures: Path, tmp_path: Path) -> None:
     """The whole command, in a process that cannot import PyBullet; by day imports alone are tried so."""
-    code = (
-        "import sys; sys.modules['pybullet'] = None\n"
-        "from msrr_bullet.cli.app import run; sys.exit(run(sys.argv[1:]))"
-    )
+    code = "import sys; sys.modules['pybullet'] = None\nfrom msrr_bullet.cli.app import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", code, *_arguments(pictures, trial, tmp_path / "out")],
         capture_output=True,

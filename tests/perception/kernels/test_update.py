@@ -75,7 +75,11 @@ def _by_numpy(
             return prior, False
     scale = 0.9 * prior.noise_scale + 0.1 * prior.noise_scale * chi / corners[inside].size
     covariance = np.linalg.inv(information + J.T @ J)
-    return replace(prior, mean=x, covariance=covariance, noise_scale=float(np.clip(scale, 1.0, 100.0))), True
+    # Laplace's method: a likelihood is as high as the best point, and as wide as the covariance there.
+    cost += np.linalg.slogdet(information + J.T @ J)[1] - np.linalg.slogdet(information)[1]
+    cost += chi2.ppf(GATE, 8) * (len(tags) - sum(inside))
+    scale = float(np.clip(scale, 1.0, 100.0))
+    return replace(prior, mean=x, covariance=covariance, noise_scale=scale, cost=prior.cost + cost), True
 
 
 def _prior(target: TargetModel, rng: np.random.Generator) -> FilterState:
@@ -120,6 +124,7 @@ def test_the_update_is_that_of_plain_numpy(scene: Scene, see: See, grade: str) -
         difference = (found.covariance - expected[0].covariance) / np.outer(sigma, sigma)
         np.testing.assert_allclose(difference, 0.0, atol=1e-9)
         assert found.noise_scale == pytest.approx(expected[0].noise_scale, rel=1e-9)
+        assert found.cost == pytest.approx(expected[0].cost, abs=1e-6)
         assert (found.covariance == found.covariance.T).all()
     assert compared > 20
     assert gated > 5

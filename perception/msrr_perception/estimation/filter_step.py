@@ -1,0 +1,94 @@
+"""The step of the corner filter from the state before a measurement to the state after it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from msrr_perception.estimation.corner_update import CornerUpdate
+from msrr_perception.estimation.hypotheses import likeliest
+from msrr_perception.estimation.knowledge import Knowledge
+from msrr_perception.estimation.measurement_history import Measurement
+from msrr_perception.estimation.motion import DriveMotion, FilterState
+from msrr_perception.estimation.wheel_doubt import doubts_wheels
+from msrr_perception.estimation.wheel_history import WheelHistory
+from msrr_perception.kernels.calibrated import AT_REST
+from msrr_scenes.messages import Detections, ExposureCounts
+
+#: Standard deviation of a place that tells nothing, as after wheel readings of another unit [m]. Beyond a
+#: thousand times that, rounding leaves nothing of the covariance of a pose that an image shows.
+_NOWHERE_M = 10.0
+
+
+class FilterStep:
+    """Starts a filter, moves its state with the wheels to a measurement, and corrects it.
+
+    Attributes:
+        known: What is known of drive and calibration where the filter starts.
+    """
+
+    def __init__(
+        self, motion: DriveMotion, update: CornerUpdate, wheels: WheelHistory, reset_after: int
+    ) -> None:
+        """Set up without a state.
+
+        Args:
+            motion: How a state moves with the wheels.
+            update: How a measurement starts and corrects a state.
+            wheels: Readings of the wheels, to which others are added.
+            reset_after: Number of measurements in a row outside the gate after which the filter starts anew.
+        """
+        self._motion, self._update, self._wheels = motion, update, wheels
+        self._reset_after = reset_after
+        self.known: Knowledge = motion.drawn
+
+    def take(self, before: FilterState | None, measurement: Measurement) -> FilterState | None:
+        """Return the state after a measurement; None before one has told where the unit is."""
+        if before is None:
+            return self._start(measurement)
+        states = [self._followed(state, measurement) for state in (before, *before.rivals)]
+        current = [s for s in states if s.rejected < self._reset_after and not _is_nowhere(s)]
+        if current:
+            return likeliest(current) if before.rivals else current[0]
+        start = self._start(measurement)
+        if start is None:
+            return states[0]
+        return replace(start, told_ns=states[0].told_ns, exposures=states[0].exposures)
+
+    def _followed(self, before: FilterState, measurement: Measurement) -> FilterState:
+        """Return the state after a measurement, which corrects it where it agrees."""
+        prior = self._motion.to_measurement(before, self._wheels, measurement.exposure.stamp_ns)
+        rates = AT_REST
+        if isinstance(measurement, Detections):
+            rates = self._motion.rates(prior, self._wheels)
+            prior = replace(prior, told_ns=self._motion.told_until(rates, prior.stamp_ns))
+        nowhere = _is_nowhere(prior)
+        after = agreeing = None if nowhere else self._update.correct(prior, measurement, rates)
+        rejected = 0 if agreeing is not None else prior.rejected + 1
+        anew = nowhere or rejected >= self._reset_after
+        if not anew and doubts_wheels(prior, measurement, rejected):
+            after = self._update.correct(self._motion.doubting(prior), measurement, rates) or agreeing
+        if after is None:
+            exposures = prior.exposures + ExposureCounts(rejected=1)
+            cost = prior.cost + self._update.cost_outside(measurement)
+            return replace(prior, rejected=rejected, exposures=exposures, cost=cost)
+        if agreeing is not None:
+            return replace(after, exposures=prior.exposures + ExposureCounts(used=1))
+        exposures = prior.exposures + ExposureCounts(without_wheels=1)
+        return replace(after, doubted_ns=prior.stamp_ns, exposures=exposures)
+
+    def _start(self, measurement: Measurement) -> FilterState | None:
+        """Return a state from one measurement alone; None when it does not determine one."""
+        stamp, used = measurement.exposure.stamp_ns, ExposureCounts(used=1)
+        wheels = self._wheels.angles_at(stamp)
+        states = [
+            FilterState(stamp, one.mean, one.covariance, wheels, stamp, exposures=used, cost=one.cost)
+            for one in self._update.start(measurement, self.known)
+        ]
+        return likeliest(states) if states else None
+
+
+def _is_nowhere(state: FilterState) -> bool:
+    """Return whether the covariance says that the unit may be anywhere."""
+    return float(np.trace(state.covariance[:2, :2])) > _NOWHERE_M**2
