@@ -41,14 +41,13 @@ def test_a_study_with_contact_and_pixels_from_the_command_line(
     assert str(out / "tolerance.html") in printed.replace("\n", "")
     study = ToleranceStudy.model_validate_json((out / "tolerance.json").read_text())
     yaw, track = study.effects
-    # How the plate of the tags is turned to the port cannot be seen; the track of the wheels is learned.
+    # How the plate of the tags is turned to the port cannot be seen; the track of the wheels is learned. Over
+    # twenty seeds they come to 0.97 mm/deg and 0.13 mm/% (docs/results/tolerance.md): in the intervals.
     assert yaw.fails is not None
-    assert yaw.lateral is not None
-    # Over twenty seeds it is 0.97 (docs/results/tolerance.md): two draw it from an interval that holds that.
-    assert yaw.lateral.rms == pytest.approx(0.97, rel=0.4)
-    assert yaw.lateral.low < 0.97 < yaw.lateral.high
-    assert track.lateral is not None
-    assert track.lateral.rms < 0.1
+    for effect, lateral in ((yaw, 0.97), (track, 0.13)):
+        assert effect.lateral is not None
+        assert effect.lateral.low < lateral < effect.lateral.high
+        assert effect.lateral.high < lateral + 0.5
     (out / "progress.txt").unlink()
     assert run(command) == 0
     for line in (out / "progress.txt").read_text().splitlines()[1:]:
