@@ -233,4 +233,3 @@ def test_the_track_is_the_distance_between_the_points_on_which_the_wheels_roll(t
         (tmp_path / "wide.urdf").write_text(text)
         unit = read_unit(tmp_path / "wide.urdf", PARTS)
         assert (unit.track, unit.wheel_radius) == (pytest.approx(0.15 + 2.0 * left), 0.04)
-        read_unit.cache_clear()

@@ -125,6 +125,24 @@ def test_a_unit_without_its_named_frames_is_refused_by_name(tmp_path: Path):
         UNIT.frame("tail")
 
 
+def test_a_file_that_was_written_anew_is_read_anew(tmp_path: Path) -> None:
+    """A program that stays, such as a notebook or the page in the browser, had the older robot."""
+    text, path, mesh = UNIT.urdf.read_text(), tmp_path / "unit.urdf", tmp_path / "pin.obj"
+    pin = '<box size="0.019 0.013 0.013"/>'
+    assert pin in text
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n")
+    path.write_text(text.replace(pin, f'<mesh filename="{mesh.name}" scale="0.019 0.013 0.013"/>', 2))
+    first = read_unit(path)
+    assert read_unit(path) is first
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1.5\nf 1 2 3\n")
+    second = read_unit(path)
+    assert second is not first
+    highest = [max(s.points()[:, 2].max() for s in u.solids if s.mesh) for u in (first, second)]
+    assert highest[1] == pytest.approx(0.085 + 1.5 * 0.013)
+    path.write_text(text)
+    assert not any(solid.mesh for solid in read_unit(path).solids)
+
+
 def test_the_height_of_the_pins_is_that_of_their_middle():
     assert UNIT.pin_height == pytest.approx(0.085, abs=1e-9)
     without = replace(UNIT, solids=tuple(s for s in UNIT.solids if not s.link.startswith("pin_")))
