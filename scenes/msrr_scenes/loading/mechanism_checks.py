@@ -15,9 +15,13 @@ from msrr_scenes.specs.scene import Scene
 #: middle of its axle to the port, so that it misses by as much.
 _ASIDE_M, _TURNED_RAD = 1e-3, math.radians(0.5)
 
-#: Largest distance of a pin from where it fits: to the side and in height, and of its tip from the bottom of
-#: the hole when the faces meet. Seat switches have closed by then.
+#: Largest distance of a pin to the side of its hole, beyond the play in the hole, and of its tip from the
+#: bottom of the hole when the faces meet. Pins that are off alike take the robot aside; seat switches have
+#: closed by then.
 _OFF_M = 0.002
+
+#: Rounding of what is drawn [m].
+_DRAWN_M = 1e-5
 
 
 def mechanism_problems(scene: Scene) -> Iterator[Problem]:
@@ -82,14 +86,19 @@ def _narrow(own: UnitGeometry, port: str, target: UnitGeometry, to: str) -> str 
 def _misfit(own: UnitGeometry, port: str, target: UnitGeometry, to: str, deepest: float) -> str | None:
     """Return which pin does not fit its hole when the faces meet; None if all fit, or some are missing."""
     X_PU, X_DU = (SE3.from_se2(X).inverse() for X in (own.port(port), target.dock_frame(to)))
+    offs, rooms = [], []
     for side in ("left", "right"):
         pin, hole = bounds(own, f"pin_{side}", X_PU), bounds(target, f"port_{to}_hole_{side}", X_DU)
         if pin is None or hole is None:
             return None
-        room = 0.5 * abs((hole[1] - hole[0]) - (pin[1] - pin[0])) + _OFF_M
+        room = 0.5 * abs((hole[1] - hole[0]) - (pin[1] - pin[0]))
         off = 0.5 * (pin[0] + pin[1] - hole[0] - hole[1])
-        for axis, ways in ((1, ("far to the left", "far to the right")), (2, ("high", "low"))):
-            if abs(off[axis]) > room[axis]:
+        # A pin that is too high or too low meets the wall above or below the hole, whatever the robot does.
+        for axis, most, ways in (
+            (1, room[1] + _OFF_M, ("far to the left", "far to the right")),
+            (2, room[2] + _DRAWN_M, ("high", "low")),
+        ):
+            if abs(off[axis]) > most:
                 way = ways[int(off[axis] < 0.0)]
                 return f"pin_{side} is {1e3 * abs(off[axis]):.1f} mm too {way} for its hole"
         short = float(hole[0, 0] - pin[1, 0])
@@ -99,4 +108,13 @@ def _misfit(own: UnitGeometry, port: str, target: UnitGeometry, to: str, deepest
                 f"pin_{side} ends {1e3 * abs(short):.1f} mm {way} the bottom of its hole when port_{port} "
                 f"and port_{to} meet. They belong to the faces, and a pin is as long as its hole is deep"
             )
+        offs.append(float(off[1]))
+        rooms.append(float(room[1]))
+    apart = offs[0] - offs[1]
+    if abs(apart) > sum(rooms) + _DRAWN_M:  # one of them would have to be to the left, the other to the right
+        way = "farther apart than" if apart > 0.0 else "nearer to each other than"
+        return (
+            f"pin_left and pin_right are {1e3 * abs(apart):.1f} mm {way} their holes, which leave "
+            f"{1e3 * sum(rooms):.1f} mm"
+        )
     return None

@@ -41,6 +41,9 @@ def test_a_port_that_does_not_belong_to_its_face_is_named(overrides: Mapping[str
         ("0.13 0.05 0.07", "to dock to b.rear: pin_left is 10.0 mm too far to the left for its hole"),
         ("0.13 0.04 0.06", "pin_left is 10.0 mm too low for its hole"),
         ("0.13 0.04 0.085", "pin_left is 15.0 mm too high for its hole"),
+        ("0.13 0.04 0.0736", "pin_left is 3.6 mm too high for its hole"),
+        ("0.13 0.0431 0.07", "are 3.1 mm farther apart than their holes, which leave 3.0 mm"),
+        ("0.13 0.0368 0.07", "are 3.2 mm nearer to each other than their holes, which leave 3.0 mm"),
     ],
 )
 def test_a_pin_that_misses_its_hole_is_named(pin: str, says: str, tmp_path: Path) -> None:
@@ -51,6 +54,14 @@ def test_a_pin_that_misses_its_hole_is_named(pin: str, says: str, tmp_path: Path
     with pytest.raises(SceneError, match=re.escape(says)):
         load_scene("round_robots", other)
     load_scene("round_robots", {**other, "plant": "unicycle"})  # has no contact, and no pins that miss
+
+
+@pytest.mark.parametrize("pin", ["0.13 0.04 0.0734", "0.13 0.0429 0.07"])
+def test_a_pin_that_just_fits_is_taken(pin: str, tmp_path: Path) -> None:
+    """The holes leave 3.5 mm above the pins and 1.5 mm beside them; robots with these docked."""
+    text = find_urdf("round.urdf").read_text()
+    (tmp_path / "other.urdf").write_text(text.replace("0.13 0.04 0.07", pin))
+    load_scene("round_robots", {"units.a.urdf": str(tmp_path / "other.urdf")})
 
 
 @pytest.mark.parametrize(("width", "says"), [("0.02", "4.0 mm too narrow for"), ("0.016", "no wider than")])
