@@ -22,9 +22,9 @@ from msrr_scenes.specs.bodies import TAG_PLATE_M
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import OverheadCameraSpec
 
-#: Root mean square distance of the corners from the fitted tag above which a detection is rejected: it is not
-#: this tag at this height [px].
-_MISFIT_PX = 2.0
+#: Root mean square distance of the corners from the fitted tag above which a detection is rejected, for it is
+#: not this tag at this height: by a camera as calibrated [px], and in standard deviations of its strain.
+_MISFIT_PX, _MISFIT_STRAINS = 2.0, 3.0
 
 #: An obstacle's tag lies flat on its top: image right is the body's x, image up its y.
 _R_FLAT_TAG: Array = np.diag([1.0, -1.0, -1.0])
@@ -113,7 +113,12 @@ class GlobalLocalizer:
     """Locates bodies by their top tags in overhead detections."""
 
     def __init__(
-        self, camera: PinholeCamera, X_WC: SE3, tags: Mapping[int, FlatTag], errors: CornerErrors
+        self,
+        camera: PinholeCamera,
+        X_WC: SE3,
+        tags: Mapping[int, FlatTag],
+        errors: CornerErrors,
+        strain: float = 0.0,
     ) -> None:
         """Create a localizer.
 
@@ -122,8 +127,11 @@ class GlobalLocalizer:
             X_WC: Pose of the camera, by calibration.
             tags: Tag id -> the body that carries the tag, and the tag's corners on it.
             errors: Errors of the corners.
+            strain: Standard deviation of the relative error of a length as the camera shows it, by its
+                tolerances.
         """
         self.camera = camera
+        self._strain = strain
         self.X_WC = X_WC
         self._X_CW = X_WC.inverse()
         self.tags = MappingProxyType(dict(tags))
@@ -159,7 +167,8 @@ class GlobalLocalizer:
         points = rays_to_plane(self.camera, self.X_WC, seen.corners, tag.height)
         X_WB = fit_se2(tag.corners_B[:, :2], points)
         misfit = self.pixels(tag, X_WB) - seen.corners
-        if float((misfit**2).sum(axis=1).mean()) > _MISFIT_PX**2:
+        strained = _MISFIT_STRAINS * self._strain * (seen.corners - seen.corners.mean(axis=0))
+        if float((misfit**2).sum()) > 4.0 * _MISFIT_PX**2 + float((strained**2).sum()):
             return None
         c, s = math.cos(X_WB.yaw), math.sin(X_WB.yaw)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -136,4 +136,4 @@ class OverheadModel:
 
     def localizer(self) -> GlobalLocalizer:
         """Return the localizer for this camera's detections."""
-        return GlobalLocalizer(self.camera, self.X_WC, self.tags, self.corner_errors)
+        return GlobalLocalizer(self.camera, self.X_WC, self.tags, self.corner_errors, self.errors.strain)
