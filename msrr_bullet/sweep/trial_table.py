@@ -17,6 +17,10 @@ TRIAL_COLUMNS = columns(
     outcome="how the trial ended; empty for a trial without a result",
     reason="why it ended so; for a trial without a result, what happened",
     duration_s="simulated time of the trial",
+    plant="plant of the scene: bullet or unicycle",
+    perception="perception of the scene: images or parametric",
+    as_built="grade of the workmanship, with the quantities that are not as the grade has them",
+    scene_hash="digest of all that the scene says, overrides included, and of the files that it names",
     step="index of the step, from 0; empty, as all that follow, for a trial in which no step began",
     unit="name of the docking unit",
     target="port that is docked to, or undocked from",
@@ -63,7 +67,10 @@ def _rows(outcome: TrialResult | TrialFailure) -> Iterator[Row]:
     if isinstance(outcome, TrialFailure):
         yield outcome.scene, outcome.seed, None, outcome.error
         return
-    trial = outcome.scene, outcome.seed, outcome.outcome, outcome.reason, outcome.duration_s
+    trial = (
+        *(outcome.scene, outcome.seed, outcome.outcome, outcome.reason, outcome.duration_s),
+        *(outcome.plant, outcome.perception, outcome.as_built, outcome.scene_hash),
+    )
     if not outcome.steps:
         yield trial
     for step in outcome.steps:
