@@ -59,7 +59,7 @@ class StateMemory:
     Attributes:
         since_ns: Time at which the phase was entered.
         turned: Heading turned since the target was last seen, by odometry [rad].
-        seen_s: Time for which the target has been seen, all in all [s].
+        seen_s: Time for which the target has been seen, all in all, without a slow approach to it [s].
         unseen: Timer of the target being unseen.
         switches: Timer of the seat switches saying what the phase waits for.
         opened: Timer of the lock being open.

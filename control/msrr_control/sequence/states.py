@@ -85,7 +85,6 @@ def hand_over(c: DockingContext) -> Twist | Transition:
         heading, rate = scan(unseen, c.spec.search_time_s, tuning.search, max_w)
         return Twist(0.0, turn_rate(middle + heading, tuning.search, max_w, rate))
     memory.turned = 0.0
-    memory.seen_s += c.dt
     in_cone = view.widest_edge < c.setup.los.outer
     ready_sigma_yaw = math.radians(tuning.ready_sigma_deg)
     certain = view.sigma_lateral <= tuning.ready_sigma_m and view.sigma_yaw <= ready_sigma_yaw
@@ -95,7 +94,10 @@ def hand_over(c: DockingContext) -> Twist | Transition:
     if memory.seen_s > tuning.ready_time_s:
         obstacle = "uncertain" if in_cone else "outside the cone"
         return _fail(f"target seen but {obstacle} at {view}", FailureReason.UNREADY, reassemble=True)
-    creep = tuning.search.creep_mps if in_cone and view.gap > tuning.search.creep_gap_m else 0.0
+    creeps = in_cone and view.gap > with_doubt(tuning.search.creep_gap_m, view.sigma_gap)
+    if not creeps:  # nearer to the port the tags are larger, and more of them are read
+        memory.seen_s += c.dt
+    creep = tuning.search.creep_mps if creeps else 0.0
     return Twist(creep, turn_rate(view.bearing, tuning.search, max_w))
 
 

@@ -43,7 +43,7 @@ class PhaseTuning(Spec):
         ready_sigma_m: Largest standard deviation of the lateral estimate at the hand-over.
         ready_sigma_deg: Largest standard deviation of the heading at the hand-over.
         ready_time_s: Time for which a target may be seen, but uncertain or outside the cone, before the
-            attempt ends; a search in between does not count.
+            attempt ends; a search in between, and the slow approach, do not count.
         contact_m: Gap beyond the pins' length at which pressing replaces the controller.
         capture_share: Share of the way from the middle of a mouth to its edge from which the funnel still
             centres a pin; nearer to the edge it may jam.

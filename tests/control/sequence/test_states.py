@@ -173,9 +173,18 @@ def test_a_look_that_stays_unready_ends_the_attempt(desk: Desk, outside: bool, s
     covariance = SURE if outside else _wide(0.1, 0.1)
     while desk.machine.phase is not Phase.RETREAT:
         assert desk.now_ns < 1e9 * (TUNING.ready_time_s + 0.1)
-        desk.ask(desk.at(0.6), covariance=covariance, los=_edges(edge, 0.0))
+        desk.ask(desk.at(TUNING.search.creep_gap_m), covariance=covariance, los=_edges(edge, 0.0))
     assert desk.machine.belief.setback is FailureReason.UNREADY
     assert says in desk.machine.belief.reason
+
+
+def test_a_unit_comes_as_near_as_it_may_before_it_gives_up_an_uncertain_look(desk: Desk) -> None:
+    """A camera that reads one tag in front of the port knows its heading only from nearer."""
+    gap, los = 0.7, _edges(0.5 * desk.facts.los.outer, 0.0)
+    while desk.machine.phase is not Phase.RETREAT:
+        assert gap > TUNING.search.creep_gap_m - 0.01
+        gap -= 1e-9 * DT_NS * desk.ask(desk.at(gap), covariance=_wide(0.1, 0.1), los=los).twist.v
+    assert gap == pytest.approx(TUNING.search.creep_gap_m, abs=0.01)
 
 
 def test_a_target_that_is_found_late_still_has_all_its_time_to_become_certain(desk: Desk) -> None:
@@ -185,7 +194,7 @@ def test_a_target_that_is_found_late_still_has_all_its_time_to_become_certain(de
     found_s = 1e-9 * desk.now_ns
     assert found_s > TUNING.ready_time_s
     while desk.machine.phase is Phase.HAND_OVER:
-        desk.ask(desk.at(0.6), covariance=uncertain, los=los)
+        desk.ask(desk.at(TUNING.search.creep_gap_m), covariance=uncertain, los=los)
     assert 1e-9 * desk.now_ns - found_s == pytest.approx(TUNING.ready_time_s, abs=0.05)
     assert desk.machine.belief.setback is FailureReason.UNREADY
 
