@@ -29,7 +29,7 @@ from msrr_bullet.cli.options import (
     write_outputs,
 )
 from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
-from msrr_scenes.errors import SceneError
+from msrr_scenes.errors import ChangedFileError, SceneError
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.wording import counted
 
@@ -152,7 +152,7 @@ def sweep(
     from msrr_bullet.sweep.trial_table import trials_csv
 
     console = open_console(stderr=STANDARD_OUTPUT in (json_file, csv_file))
-    stopped: Terminated | StoreError | None = None
+    stopped: Terminated | StoreError | ChangedFileError | None = None
     summary: SweepSummary | None = None
     try:
         with naming_overrides(given), progress_bar(console) as bar:
@@ -165,7 +165,7 @@ def sweep(
                 else:
                     with dask_cluster(dask) as cluster:
                         summary = run(cluster.slots, executor=cluster.executor)
-            except (Terminated, StoreError) as error:
+            except (Terminated, StoreError, ChangedFileError) as error:
                 if not ended.of(wanted):
                     raise
                 stopped = error

@@ -34,11 +34,12 @@ def remote_trial(trial: TrialFunction, codes: Mapping[str, str], scene: Scene, s
     Raises:
         OtherCodeError: The code here is another one.
     """
-    code = codes[scene_hash(scene)]
-    if code_fingerprint(scene, imported=True) != code:
+    code = codes.get(scene_hash(scene))  # none where a file that the scene names is another one
+    if code is None or code_fingerprint(scene, imported=True) != code:
         raise OtherCodeError(
-            f"the worker on {socket.gethostname()} has another version of msrr-bullet, of a package or of a "
-            "class that the scene names; install there what is installed here, and start the workers again"
+            f"the worker on {socket.gethostname()} has another version of msrr-bullet, of a package, or of a "
+            "class or file that the scene names; install there what is installed here, and start the workers "
+            "again"
         )
     _prepare(code, scene)
     return trial(scene, seed)

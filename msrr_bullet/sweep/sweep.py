@@ -46,6 +46,7 @@ def sweep(
 
     Raises:
         MsrrError: The scene cannot be run with any seed, or the store cannot be used.
+        ChangedFileError: A file of the scene was written while the trials ran. Results from before are kept.
         TypeError: A seed or ``jobs`` is no whole number, ``seeds`` is a single one, or the scene is none.
         ValueError: A seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``jobs`` not positive.
     """
@@ -61,8 +62,8 @@ def sweep(
         observer=observer,
         wall_limit_s=wall_limit_s,
     )
-    digest = scene_hash(scene)
-    ended = [finished.outcomes[digest, seed] for seed in wanted if (digest, seed) in finished.outcomes]
+    by_seed = {seed: outcome for (_, seed), outcome in finished.outcomes.items()}
+    ended = [by_seed[seed] for seed in wanted if seed in by_seed]
     return summary_of(scene, ended, reused=finished.reused, interrupted=finished.interrupted)
 
 
@@ -77,11 +78,12 @@ def summary_of(
         reused: Number of results taken from a store.
         interrupted: Whether the sweep was stopped before all trials were run.
     """
+    results = [outcome for outcome in ended if isinstance(outcome, TrialResult)]
     return summarise(
         scene,
-        scene_hash(scene),
+        results[0].scene_hash if results else scene_hash(scene),
         code_fingerprint(scene),
-        [outcome for outcome in ended if isinstance(outcome, TrialResult)],
+        results,
         [outcome for outcome in ended if isinstance(outcome, TrialFailure)],
         reused=reused,
         interrupted=interrupted,

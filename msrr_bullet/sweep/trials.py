@@ -21,7 +21,7 @@ from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_store import TrialStore
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, Task, TrialFunction, WorkerPool
 from msrr_bullet.trial.result import TrialResult
-from msrr_scenes.errors import ProgramFailedError
+from msrr_scenes.errors import ChangedFileError, ProgramFailedError
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
@@ -124,7 +124,16 @@ class _WantedTrials:
         self.missing += tasks
 
     def collect(self, task: Task, outcome: TrialResult | TrialFailure) -> None:
-        """Take in what a trial has ended with; it is one of the outcomes even if the store cannot keep it."""
+        """Take in what a trial has ended with; it is one of the outcomes even if the store cannot keep it.
+
+        Raises:
+            ChangedFileError: The trial was run with other files than those before it.
+        """
+        if isinstance(outcome, TrialResult) and outcome.scene_hash != task.scene_hash:
+            raise ChangedFileError(
+                f"{outcome.scene}, seed {outcome.seed}: a URDF, mesh or texture was written while the trials "
+                "ran. Results from before are kept; start again, with files that nobody edits"
+            )
         self.outcomes[task.scene_hash, task.seed] = outcome
         try:
             if self._store is not None and isinstance(outcome, TrialResult):
@@ -166,6 +175,7 @@ def run_trials(
 
     Raises:
         MsrrError: A scene cannot be run with any seed, or the store cannot be used.
+        ChangedFileError: A file of a scene was written while the trials ran. Results from before are kept.
         TypeError: A seed or ``jobs`` is no whole number, or a scene is none.
         ValueError: A seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``jobs`` not positive.
     """

@@ -14,6 +14,7 @@ from msrr_bullet.trial.step_result import StepResult
 from msrr_bullet.trial.telemetry import Progress, Telemetry
 from msrr_bullet.wall_limit import wall_limit
 from msrr_scenes.as_built import draw_as_built
+from msrr_scenes.errors import ChangedFileError
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.messages import seconds
 from msrr_scenes.outcome import Outcome
@@ -58,25 +59,34 @@ class Trial:
 
         Raises:
             WallLimitError: The trial took longer.
+            ChangedFileError: A file of the scene was written while the trial ran.
         """
         with wall_limit(wall_limit_s) as check_clock:
             return self._run(check_clock)
 
     def _run(self, check_clock: Callable[[], None]) -> TrialResult:
+        digest = scene_hash(self.scene)
         placement = draw_placement(self.scene, lambda name: stream(self.seed, name))
         built = draw_as_built(self.scene, self.seed)
         self._telemetry.begin(placement, built)
         with open_environment(self.scene, self.seed, placement, built) as environment:
             mission = begin_mission(environment, self._telemetry, self._profiler)
             steps = mission.run(check_clock)
-            result = self._result(mission, steps, placement.redraws)
+            if scene_hash(self.scene) != digest:
+                raise ChangedFileError(
+                    f"{self.scene.name}, seed {self.seed}: a URDF, mesh or texture was written while the "
+                    "trial ran, which counts neither for the older robot nor for the newer one. Run it again"
+                )
+            result = self._result(digest, mission, steps, placement.redraws)
             self._telemetry.end(environment.simulation.plant.now_ns(), result.outcome)
         return result
 
-    def _result(self, mission: Mission, steps: tuple[StepResult, ...], redraws: int) -> TrialResult:
+    def _result(
+        self, digest: str, mission: Mission, steps: tuple[StepResult, ...], redraws: int
+    ) -> TrialResult:
         return TrialResult(
             scene=self.scene.name,
-            scene_hash=scene_hash(self.scene),
+            scene_hash=digest,
             seed=self.seed,
             plant=self.scene.plant,
             perception=self.scene.perception,

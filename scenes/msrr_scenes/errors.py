@@ -18,6 +18,10 @@ class SceneError(MsrrError):
     """A scene that cannot be used as written."""
 
 
+class ChangedFileError(MsrrError):
+    """A file that a scene names was written while it was in use; what was run with it counts for nothing."""
+
+
 class ProgramFailedError(MsrrError):
     """The program of a unit cannot go on: a class that the scene names failed, or gave an impossible result.
 

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from msrr_bullet.render.raster.mesh import Mesh
 from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.file_cache import FileCache
 from msrr_scenes.geometry.mesh_points import stl_corners
-from msrr_scenes.geometry.obj_file import image_beside, material_images, material_library, obj_lines
+from msrr_scenes.geometry.obj_file import (
+    image_beside,
+    looked_for,
+    material_images,
+    material_library,
+    obj_lines,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,23 +44,25 @@ def read_mesh(path: Path) -> tuple[MeshPart, ...]:
     Raises:
         GeometryError: The file is missing, is malformed, or has a format that cannot be read.
     """
-    try:
-        stamp = path.stat()
-    except OSError as error:
-        raise GeometryError(f"{path}: cannot read this mesh ({error.strerror})") from None
-    return _read(path, stamp.st_mtime_ns, stamp.st_size)
+    return _read(path)
 
 
-@lru_cache(maxsize=256)
-def _read(path: Path, mtime_ns: int, size: int) -> tuple[MeshPart, ...]:
+def _read_anew(path: Path) -> tuple[tuple[MeshPart, ...], list[Path]]:
+    """Return the parts of a mesh, and the files that they depend on."""
     readers = {".obj": _read_obj, ".stl": _read_stl}
     reader = readers.get(path.suffix.lower())
-    if reader is None:
-        raise GeometryError(f"{path}: the raster renderer reads {', '.join(readers)}; convert this mesh")
     try:
-        return reader(path)
+        path.stat()
+        if reader is None:
+            raise GeometryError(f"{path}: the raster renderer reads {', '.join(readers)}; convert this mesh")
+        return reader(path), [path, *(looked_for(path) if reader is _read_obj else ())]
+    except OSError as error:
+        raise GeometryError(f"{path}: cannot read this mesh ({error.strerror})") from None
     except (ValueError, IndexError) as error:
         raise GeometryError(f"{path}: malformed mesh: {error}") from None
+
+
+_read = FileCache(_read_anew, most=256)
 
 
 def _read_obj(path: Path) -> tuple[MeshPart, ...]:

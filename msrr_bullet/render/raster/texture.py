@@ -11,6 +11,7 @@ import numpy as np
 
 from msrr_bullet.render.raster.kernels.records import Floats, Indices
 from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.file_cache import FileCache
 from msrr_scenes.messages import Pixels
 
 #: An image that consists of so few equal squares along its edge (a tag: 10) is kept as cells.
@@ -45,19 +46,20 @@ def read_texture(path: Path) -> Texture:
     Raises:
         GeometryError: The file is missing or no image.
     """
+    return _read(path)
+
+
+def _read_anew(path: Path) -> tuple[Texture, list[Path]]:
     try:
-        stamp = path.stat()
-        return _read(path, stamp.st_mtime_ns, stamp.st_size)
+        texture = _decoded(path.read_bytes())
     except OSError as error:
         raise GeometryError(f"{path}: cannot read this texture ({error.strerror})") from None
-
-
-@lru_cache(maxsize=256)
-def _read(path: Path, mtime_ns: int, size: int) -> Texture:
-    texture = _decoded(path.read_bytes())
     if texture is None:
         raise GeometryError(f"{path}: not an image that OpenCV can read")
-    return texture
+    return texture, [path]
+
+
+_read = FileCache(_read_anew, most=256)
 
 
 @lru_cache(maxsize=256)

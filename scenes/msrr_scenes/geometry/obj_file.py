@@ -25,27 +25,36 @@ def material_library(obj: Path, words: list[str]) -> Path:
 
 def material_images(library: Path) -> dict[str, Path]:
     """Return the diffuse image of each material, as far as its file exists (as in PyBullet)."""
-    images: dict[str, Path] = {}
+    return {name: image for name, image in _named_images(library) if image.is_file()}
+
+
+def _named_images(library: Path) -> Iterator[tuple[str, Path]]:
     name = ""
-    if library.is_file():
-        for words in obj_lines(library):
-            if words[0] == "newmtl":
-                name = " ".join(words[1:])
-            elif words[0] == "map_Kd" and (image := library.parent / words[-1]).is_file():
-                images[name] = image
-    return images
+    for words in obj_lines(library) if library.is_file() else ():
+        if words[0] == "newmtl":
+            name = " ".join(words[1:])
+        elif words[0] == "map_Kd":
+            yield name, library.parent / words[-1]
 
 
 def image_beside(obj: Path) -> Path | None:
     """Return the image of a mesh without a material library: the one of its name; None without one."""
-    return next((path for ending in _IMAGES if (path := obj.with_suffix(ending)).is_file()), None)
+    return next((path for path in _beside(obj) if path.is_file()), None)
+
+
+def _beside(obj: Path) -> list[Path]:
+    return [obj.with_suffix(ending) for ending in _IMAGES]
+
+
+def looked_for(obj: Path) -> list[Path]:
+    """Return the files that tell how an OBJ file looks, whether they are there or not, in order of naming."""
+    libraries = [material_library(obj, words) for words in obj_lines(obj) if words[0] == "mtllib"]
+    if not libraries:
+        return _beside(obj)
+    images = [[image for _, image in _named_images(library)] for library in libraries]
+    return [file for library, named in zip(libraries, images, strict=True) for file in (library, *named)]
 
 
 def named_by_obj(obj: Path) -> list[Path]:
     """Return the files that exist of those that tell how an OBJ file looks, in the order of naming."""
-    libraries = [material_library(obj, words) for words in obj_lines(obj) if words[0] == "mtllib"]
-    if not libraries:
-        beside = image_beside(obj)
-        return [] if beside is None else [beside]
-    found = [file for library in libraries for file in (library, *material_images(library).values())]
-    return [file for file in dict.fromkeys(found) if file.is_file()]
+    return [file for file in dict.fromkeys(looked_for(obj)) if file.is_file()]

@@ -17,18 +17,18 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from copy import deepcopy
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
+from functools import cache, cached_property
 from pathlib import Path
-from typing import NamedTuple
 from xml.etree.ElementTree import Element, ElementTree
 
 import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError, SceneError, nearest
+from msrr_scenes.geometry.file_cache import FileCache
 from msrr_scenes.geometry.frame_map import FrameMap, check_rigid
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -42,9 +42,6 @@ X_PD = SE2(0.0, 0.0, math.pi)
 
 #: Kind of a body without a drive in its URDF.
 FIXTURE = "fixture"
-
-#: When a file was last written [ns], and its size; None if it cannot be looked at.
-_FileState = tuple[int, int] | None
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -237,42 +234,20 @@ def read_unit(path: Path, frame_map: FrameMap = ()) -> UnitGeometry:
     Raises:
         GeometryError: The file is missing, is not a tree of links, or lacks a frame that every unit needs.
     """
-    drawn = _read_before(path, frame_map, _states_of([path]))
-    if drawn.written != _states_of(drawn.files):  # a mesh has changed
-        _read_before.cache_clear()
-        drawn = _read_before(path, frame_map, _states_of([path]))
-    return drawn.unit
+    return _read(path, frame_map)
 
 
-class _Drawn(NamedTuple):
-    """A unit, the files with its collision shapes, and what these were when they were read."""
-
-    unit: UnitGeometry
-    files: tuple[Path, ...]
-    written: tuple[_FileState, ...]
-
-
-@lru_cache(maxsize=32)
-def _read_before(path: Path, frame_map: FrameMap, _: tuple[_FileState, ...]) -> _Drawn:
+def _read_anew(path: Path, frame_map: FrameMap) -> tuple[UnitGeometry, list[Path]]:
+    """Return a unit, and the files with its shapes."""
     try:
         unit = _read_tree(path, frame_map)
     except (KeyError, ValueError, IndexError) as error:
         raise GeometryError(f"{path}: malformed URDF: {error!r}") from None
-    files = (path, *{solid.mesh: None for solid in unit.solids if solid.mesh is not None})
-    return _Drawn(unit, files, _states_of(files))
+    meshes = (mesh for link in unit.link_tree.links.values() for mesh in link.iter("mesh"))
+    return unit, [path, *(Path(mesh.get("filename", "")) for mesh in meshes)]
 
 
-def _states_of(files: Iterable[Path]) -> tuple[_FileState, ...]:
-    """Return time and size of each file, which tell one that was written since; None where there is none."""
-    found = list[_FileState]()
-    for file in files:
-        try:
-            state = file.stat()
-        except OSError:  # what reads the file says what is wrong
-            found.append(None)
-        else:
-            found.append((state.st_mtime_ns, state.st_size))
-    return tuple(found)
+_read = FileCache(_read_anew, most=64)
 
 
 def _check_markers(path: Path, links: Collection[str]) -> None:

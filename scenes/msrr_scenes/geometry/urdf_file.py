@@ -112,9 +112,9 @@ def named_file(urdf: Path, name: str) -> Path:
         GeometryError: The URDF is in no folder of the name of the package.
     """
     if not name.startswith(_PACKAGE_SCHEME):
-        return (urdf.parent / name.removeprefix("file://")).resolve()
+        return (urdf.parent / name.removeprefix("file://")).absolute()
     package, _, rest = name.removeprefix(_PACKAGE_SCHEME).partition("/")
-    for folder in urdf.resolve().parents:
+    for folder in urdf.absolute().parents:
         if folder.name == package:
             return folder / rest
     raise GeometryError(

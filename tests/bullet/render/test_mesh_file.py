@@ -41,6 +41,28 @@ def test_obj_with_materials_negative_indices_and_polygons(tmp_path: Path) -> Non
     assert triangle.mesh.uv is None
 
 
+def test_a_material_that_names_another_image_is_read_anew(tmp_path: Path) -> None:
+    """Also where the image, or the library, is written after the mesh was read."""
+    path, library = tmp_path / "deck.obj", tmp_path / "deck.mtl"
+    path.write_text("mtllib deck.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl m\nf 1/1 2/1 3/1\n")
+    seen = []
+    for make in (
+        lambda: None,
+        lambda: library.write_text("newmtl m\nmap_Kd one.png\n"),
+        (tmp_path / "one.png").touch,
+        lambda: library.write_text("newmtl m\nmap_Kd two.png\n"),
+        (tmp_path / "two.png").touch,
+    ):
+        make()
+        texture = read_mesh(path)[0].texture
+        seen.append(texture and texture.name)
+    assert seen == [None, None, "one.png", None, "two.png"]
+    path.write_text(path.read_text().replace("mtllib deck.mtl\n", ""))
+    assert read_mesh(path)[0].texture is None
+    (tmp_path / "deck.png").touch()
+    assert read_mesh(path)[0].texture == tmp_path / "deck.png"
+
+
 def test_stl_both_ways(tmp_path: Path) -> None:
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4")
     binary, text = tmp_path / "b.stl", tmp_path / "t.STL"

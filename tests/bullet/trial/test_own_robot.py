@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,11 @@ import yaml
 
 from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.run import run_trial
+from msrr_bullet.sweep.sweep import sweep
 from msrr_perception.pose.target import TargetModel
+from msrr_scenes.errors import ChangedFileError, MsrrError
 from msrr_scenes.geometry.unit_geometry import find_urdf
-from msrr_scenes.loading.load import LIBRARY, load_scene
+from msrr_scenes.loading.load import LIBRARY, load_scene, scene_hash
 from msrr_scenes.outcome import Outcome
 
 SCENE = LIBRARY / "round_robots.yaml"
@@ -42,6 +45,45 @@ def test_a_robot_beside_its_scene_docks_and_replays_without_it(tmp_path: Path) -
     assert run_trial(scene, 1, out=run).outcome is Outcome.DOCKED
     shutil.rmtree(tmp_path / "home")
     assert replay(run).identical
+
+
+BLIND = {"perception": "parametric", "plant": "unicycle", "as_built": "perfect"}
+
+
+def test_a_robot_that_is_edited_while_its_trial_runs_has_no_result(tmp_path: Path) -> None:
+    """It had the verdict on the older robot under the hash of the newer one."""
+    path = own_folder(tmp_path)
+    urdf = path.with_name("mine.urdf")
+
+    def edit(_: object) -> None:
+        if "<!-- edited -->" not in urdf.read_text():
+            urdf.write_text(urdf.read_text().replace("</robot>", "<!-- edited --></robot>"))
+
+    scene = load_scene(path, BLIND)
+    with pytest.raises(ChangedFileError, match="seed 1: a URDF, mesh or texture was written while the trial"):
+        run_trial(scene, 1, observer=edit)
+    assert run_trial(scene, 1).scene_hash == scene_hash(scene)
+
+
+def test_a_sweep_of_a_robot_that_is_edited_keeps_what_was_run_before(tmp_path: Path) -> None:
+    """Its results were lost without a word, and some were in the store as those of the other robot."""
+    path, store = own_folder(tmp_path), tmp_path / "store.sqlite"
+    urdf, scene, ended = path.with_name("mine.urdf"), load_scene(path, BLIND), []
+
+    def edit(result: object, _: bool) -> None:
+        ended.append(result)
+        if len(ended) == 2:
+            urdf.write_text(urdf.read_text().replace("</robot>", "<!-- edited --></robot>"))
+
+    with ThreadPoolExecutor(1) as pool, pytest.raises(MsrrError):
+        sweep(scene, range(6), store=store, executor=pool, observer=edit)
+    with ThreadPoolExecutor(1) as pool:
+        assert sweep(scene, range(6), store=store, executor=pool).reused == 0
+    urdf.write_text(urdf.read_text().replace("<!-- edited -->", ""))
+    with ThreadPoolExecutor(1) as pool:
+        again = sweep(scene, range(6), store=store, executor=pool, observer=lambda r, _: ended.append(r))
+    assert again.reused == 2
+    assert ended[2:4] == ended[:2]
 
 
 @pytest.mark.nightly

@@ -1,0 +1,63 @@
+"""What was read from files, kept until one of them is written anew.
+
+A program that stays, such as a notebook or the page in a browser, reads the same robot again and again, and
+has to notice that somebody has edited it meanwhile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable
+from pathlib import Path
+from typing import Generic, NamedTuple, TypeVar
+
+T = TypeVar("T")
+
+#: When a file was written and changed [ns], its size, and which file it is: a link may be led to another one,
+#: and a copy has the time of what was copied. None where there is none.
+_State = tuple[int, int, int, int] | None
+
+
+class _Kept(NamedTuple, Generic[T]):
+    """A value, the files that it depends on, and their states when it was read."""
+
+    value: T
+    files: tuple[Path, ...]
+    states: tuple[_State, ...]
+
+
+class FileCache(Generic[T]):
+    """Keeps what a function reads, under the arguments that it is called with."""
+
+    def __init__(self, read: Callable[..., tuple[T, Iterable[Path]]], most: int) -> None:
+        """Begin with nothing.
+
+        Args:
+            read: Returns a value and the files that it depends on, whether these are there or not.
+            most: Largest number of values that are kept.
+        """
+        self._read, self._most = read, most
+        self._kept: dict[tuple[Hashable, ...], _Kept[T]] = {}
+
+    def __call__(self, *arguments: Hashable) -> T:
+        """Return the value of some arguments: the same object while its files stay as they are."""
+        kept = self._kept.pop(arguments, None)
+        if kept is None or kept.states != _states(kept.files):
+            value, files = self._read(*arguments)
+            files = tuple(dict.fromkeys(files))
+            kept = _Kept(value, files, _states(files))
+        self._kept[arguments] = kept  # behind all that were asked for before
+        while len(self._kept) > self._most:
+            self._kept.pop(next(iter(self._kept)), None)
+        return kept.value
+
+
+def _states(files: Iterable[Path]) -> tuple[_State, ...]:
+    found = list[_State]()
+    for file in files:
+        try:
+            state = file.stat()
+        except OSError:  # what reads the file says what is wrong
+            found.append(None)
+        else:
+            found.append((state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino))
+    return tuple(found)
