@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import importlib
 import inspect
-import os
-import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from copy import deepcopy
 from operator import attrgetter
 from typing import Any, TypeVar, cast
 
 from pydantic import BaseModel
 
-from msrr_scenes.errors import MsrrError, SceneError, UnknownNameError
+from msrr_scenes.errors import ChangedFileError, MsrrError, SceneError, UnknownNameError
 from msrr_scenes.guarded import Check, Guarded, failure, file_of, in_one_line, raised_at
+from msrr_scenes.own_modules import import_own
 from msrr_scenes.specs.spec import Choice
 
 T = TypeVar("T")
@@ -65,22 +62,6 @@ def choices(value: object) -> Iterator[Choice]:
             yield from choices(getattr(value, name))
 
 
-@contextmanager
-def current_folder_importable() -> Iterator[None]:
-    """Let modules in the current folder be imported, after all others, so that they replace none of them."""
-    folder = os.getcwd()
-    sys.path.append(folder)
-    try:
-        yield
-    finally:
-        # By its place from the end, for the folder may be on the path already, and never by sys.path.pop(),
-        # for an imported module may have added to the path.
-        for index in reversed(range(len(sys.path))):
-            if sys.path[index] == folder:
-                del sys.path[index]
-                break
-
-
 def resolve(kind: str, name: str, table: ExtensionPoint[T]) -> Callable[..., T]:
     """Return the class or factory with the given name.
 
@@ -120,8 +101,9 @@ def _import(kind: str, name: str, table: ExtensionPoint[T]) -> object:
     if not all(part.isidentifier() for part in module_name.split(".")):
         raise UnknownNameError(kind, name, table, _HINT)
     try:
-        with current_folder_importable():
-            module = importlib.import_module(module_name)
+        module = import_own(module_name)
+    except ChangedFileError as error:
+        raise ChangedFileError(f"{kind} {name!r}: {error}") from None
     except (Exception, SystemExit) as error:
         # Only a path that does not exist is a bad name; an import error inside the module is its own.
         missing = error.name if isinstance(error, ModuleNotFoundError) else None

@@ -9,7 +9,7 @@ import numpy as np
 
 from msrr_bullet.render.raster.mesh import Mesh
 from msrr_scenes.errors import GeometryError
-from msrr_scenes.geometry.file_cache import FileCache
+from msrr_scenes.file_cache import FileCache
 from msrr_scenes.geometry.mesh_points import stl_corners
 from msrr_scenes.geometry.obj_file import (
     image_beside,

@@ -11,7 +11,7 @@ import numpy as np
 
 from msrr_bullet.render.raster.kernels.records import Floats, Indices
 from msrr_scenes.errors import GeometryError
-from msrr_scenes.geometry.file_cache import FileCache
+from msrr_scenes.file_cache import FileCache
 from msrr_scenes.messages import Pixels
 
 #: An image that consists of so few equal squares along its edge (a tag: 10) is kept as cells.

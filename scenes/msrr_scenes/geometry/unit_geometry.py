@@ -28,7 +28,7 @@ import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError, SceneError, nearest
-from msrr_scenes.geometry.file_cache import FileCache
+from msrr_scenes.file_cache import FileCache
 from msrr_scenes.geometry.frame_map import FrameMap, check_rigid
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3

@@ -6,6 +6,7 @@ import pytest
 
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_scenes import load_scene
+from msrr_scenes.own_modules import import_own
 
 
 def test_the_code_of_an_own_controller_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -26,6 +27,7 @@ def test_a_process_that_lives_on_runs_the_code_that_it_has_imported(
     module.write_text("class Law: ...\n")
     monkeypatch.syspath_prepend(tmp_path)
     scene = load_scene("close_range", {"control.docking": "edited_law:Law"})
+    import_own("edited_law")
     before = code_fingerprint(scene, imported=True)
     assert before == code_fingerprint(scene)
     module.write_text("class Law: gain = 2\n")

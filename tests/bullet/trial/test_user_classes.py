@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -279,6 +280,7 @@ def in_the_folder_of_the_classes(
     folder = tmp_path_factory.mktemp("classes")
     (folder / "users_classes.py").write_text(CLASSES)
     monkeypatch.chdir(folder)
+    monkeypatch.delitem(sys.modules, "users_classes", raising=False)  # of another folder
 
 
 def test_tags_that_are_read_but_agree_with_no_pose_are_told_from_none(shipped: Load) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from msrr_scenes.geometry.file_cache import FileCache
+from msrr_scenes.file_cache import FileCache
 
 Write = Callable[[Path], object]
 

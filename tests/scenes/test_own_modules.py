@@ -1,0 +1,64 @@
+"""A module of a user's own that was edited, or lies in another folder, is never taken for the older one."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+
+import pytest
+
+from msrr_scenes.errors import ChangedFileError
+from msrr_scenes.own_modules import digest_of, import_own
+
+OLDER, NEWER = "from edited_gains import GAIN\nclass Law:\n    gain = GAIN\n", "class Law:\n    gain = 3\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with a module that imports another one."""
+    home = tmp_path / "one"
+    home.mkdir()
+    (home / "edited_own.py").write_text(OLDER)
+    (home / "edited_gains.py").write_text("GAIN = 1\n")
+    monkeypatch.chdir(home)
+    monkeypatch.syspath_prepend(home)
+    for name in ("edited_own", "edited_gains"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    return home
+
+
+def test_a_module_that_stays_as_it_is_is_the_same_object(folder: Path) -> None:
+    module = import_own("edited_own")
+    assert import_own("edited_own") is module
+    assert digest_of("edited_own") == digest_of("edited_own", imported=True)
+
+
+@pytest.mark.parametrize("name", ["edited_own", "edited_gains"])
+def test_one_that_was_edited_is_refused_until_it_is_reloaded(folder: Path, name: str) -> None:
+    """Also where it is a module that it imports."""
+    module, before = import_own("edited_own"), digest_of("edited_own")
+    (folder / f"{name}.py").write_text(NEWER if name == "edited_own" else "GAIN = 3\n")
+    with pytest.raises(ChangedFileError, match=r"^edited_own\.py, or a module that it imports, was edited"):
+        import_own("edited_own")
+    assert digest_of("edited_own", imported=True) == before
+    importlib.invalidate_caches()
+    for edited in dict.fromkeys((name, "edited_own")):
+        importlib.reload(sys.modules[edited])
+    assert import_own("edited_own") is module
+    assert module.Law.gain == 3
+    assert digest_of("edited_own", imported=True) == digest_of("edited_own") != before
+
+
+def test_one_of_another_folder_is_refused(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import_own("edited_own")
+    other = tmp_path / "two"
+    other.mkdir()
+    (other / "edited_own.py").write_text(NEWER)
+    monkeypatch.syspath_prepend(other)
+    with pytest.raises(
+        ChangedFileError, match=rf"is {other}/edited_own\.py here, and .* {folder}/edited_own"
+    ):
+        import_own("edited_own")
