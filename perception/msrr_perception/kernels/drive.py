@@ -43,7 +43,7 @@ class Drive(NamedTuple):
 @inlined
 def add_slip(
     P: Array,
-    drive: Drive,
+    drive: np.void,
     left: float,
     right: float,
     loose_left: float,
@@ -57,7 +57,7 @@ def add_slip(
 
     Args:
         P: Covariance; the upper left 3 x 3 is changed.
-        drive: Drive and its noise.
+        drive: Drive and its noise, an entry of :meth:`Drive.packed`.
         left: Distance driven by the left wheel, not negative [m].
         right: Distance driven by the right wheel, not negative [m].
         loose_left: 1 while the play of the left gear is taken up, else 0.
@@ -67,16 +67,16 @@ def add_slip(
         dt: Duration [s].
         x: Position x of U in D before the step [m].
     """
-    way, rest = 0.5 * (left + right), drive.drift * dt
-    per_wheel, forward, side = drive.wheel_variance, rest, drive.sideways * way + rest
-    if -x - drive.tips < drive.contact_zone:  # the wheels may spin, and the holes guide the pins
-        per_wheel += drive.contact
-        side += drive.guidance * way
-    v_left = (per_wheel + drive.play * loose_left) * left
-    v_right = (per_wheel + drive.play * loose_right) * right
+    way, rest = 0.5 * (left + right), drive["drift"] * dt
+    per_wheel, forward, side = drive["wheel_variance"], rest, drive["sideways"] * way + rest
+    if -x - drive["tips"] < drive["contact_zone"]:  # the wheels may spin, and the holes guide the pins
+        per_wheel += drive["contact"]
+        side += drive["guidance"] * way
+    v_left = (per_wheel + drive["play"] * loose_left) * left
+    v_right = (per_wheel + drive["play"] * loose_right) * right
     forward += 0.25 * (v_left + v_right)
-    turn = (v_left + v_right) / (drive.track * drive.track) + drive.turn_drift * dt
-    both = 0.5 * (v_right - v_left) / drive.track  # forward and turn together
+    turn = (v_left + v_right) / (drive["track"] * drive["track"]) + drive["turn_drift"] * dt
+    both = 0.5 * (v_right - v_left) / drive["track"]  # forward and turn together
     cross = c * s * (forward - side)
     P[0, 0] += c * c * forward + s * s * side
     P[1, 1] += s * s * forward + c * c * side
@@ -113,15 +113,15 @@ def propagate(mean: Array, P: Array, steps: Array, packed: NDArray[np.void]) -> 
     rows = np.empty((3, n))
     F = np.zeros((3, 8))  # first three rows of the transition matrix; the others are diagonal
     for k in range(steps.shape[0]):
-        d_left, d_right, dt = drive.radius * steps[k, 0], drive.radius * steps[k, 1], steps[k, 2]
+        d_left, d_right, dt = drive["radius"] * steps[k, 0], drive["radius"] * steps[k, 1], steps[k, 2]
         x, yaw = mean[0], mean[2]
         way_left, way_right = d_left * (1.0 + mean[5]), d_right * (1.0 + mean[6])
-        track = drive.track * (1.0 + mean[7])
+        track = drive["track"] * (1.0 + mean[7])
         turn, forward = (way_right - way_left) / track, 0.5 * (way_right + way_left)
         half = 0.5 * turn
         chord = forward * (math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
         c, s = math.cos(yaw + half), math.sin(yaw + half)
-        keep = math.exp(-dt / drive.tilt_time)
+        keep = math.exp(-dt / drive["tilt_time"])
         F[0, 2], F[1, 2] = -chord * s, chord * c
         for column in range(5, 8):
             d, rate = d_left, -d_left / track
@@ -132,7 +132,7 @@ def propagate(mean: Array, P: Array, steps: Array, packed: NDArray[np.void]) -> 
             F[0, column] = 0.5 * (d * c - chord * s * rate)
             F[1, column] = 0.5 * (d * s + chord * c * rate)
             F[2, column] = rate
-        strained = drive.strained * abs(forward) + drive.strained_turning * abs(turn)
+        strained = drive["strained"] * abs(forward) + drive["strained_turning"] * abs(turn)
         if strained > 0.0:  # one half before the step and one after it: then steps may be cut in any way
             strain(P, 0.5 * strained)
         for j in range(n):  # F P
@@ -153,13 +153,13 @@ def propagate(mean: Array, P: Array, steps: Array, packed: NDArray[np.void]) -> 
         add_slip(P, drive, abs(d_left), abs(d_right), steps[k, 3], steps[k, 4], c, s, dt, x)
         if strained > 0.0:
             strain(P, 0.5 * strained)
-            aside = drive.strained_aside * abs(forward)
+            aside = drive["strained_aside"] * abs(forward)
             P[0, 0] += s * s * aside
             P[0, 1] -= c * s * aside
             P[1, 0] -= c * s * aside
             P[1, 1] += c * c * aside
-        P[3, 3] += (1.0 - keep * keep) * drive.tilt
-        P[4, 4] += (1.0 - keep * keep) * drive.tilt
+        P[3, 3] += (1.0 - keep * keep) * drive["tilt"]
+        P[4, 4] += (1.0 - keep * keep) * drive["tilt"]
         mean[0], mean[1] = x + chord * c, mean[1] + chord * s
         turned = yaw + turn
         mean[2] = turned - 2.0 * math.pi * np.rint(turned / (2.0 * math.pi))

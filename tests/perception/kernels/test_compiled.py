@@ -155,6 +155,13 @@ def test_ready_code_is_not_announced() -> None:
     assert announced == []
 
 
+def test_a_debugger_can_step_through_the_kernels() -> None:
+    """As plain Python they may do nothing that numba alone can, such as to take a field for an attribute."""
+    program = "from msrr_perception.kernels.warm import warm; warm()"
+    given = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    subprocess.run([sys.executable, "-c", program], env=given, check=True)
+
+
 def test_kernels_that_are_first_called_in_two_threads_do_not_wait_for_each_other() -> None:
     """One thread compiles, and asks for what its kernel calls; the other one waits for it to be done."""
     begun, asked = threading.Event(), threading.Event()
