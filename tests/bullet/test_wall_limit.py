@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import sys
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -47,6 +48,7 @@ class Stuck:
 def stuck(shipped: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Scene:
     (tmp_path / "stuck_on_the_clock.py").write_text(CLASS)
     monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.delitem(sys.modules, "stuck_on_the_clock", raising=False)  # of another folder
     return shipped("close_range", {**SHORT, "control.docking": "stuck_on_the_clock:Stuck"}, blind=True)
 
 
