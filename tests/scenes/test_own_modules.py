@@ -36,7 +36,7 @@ def test_a_module_that_stays_as_it_is_is_the_same_object(folder: Path) -> None:
 
 @pytest.mark.parametrize("name", ["edited_own", "edited_gains"])
 def test_one_that_was_edited_is_refused_until_it_is_reloaded(folder: Path, name: str) -> None:
-    """Also where it is a module that it imports; of another length, by which Python tells what it compiled."""
+    """Also where it is a module that it imports; of another length, by which Python tells files."""
     module, before = import_own("edited_own"), digest_of("edited_own")
     (folder / f"{name}.py").write_text(
         NEWER
