@@ -60,6 +60,7 @@ class StateMemory:
         since_ns: Time at which the phase was entered.
         turned: Heading turned since the target was last seen, by odometry [rad].
         seen_s: Time for which the target has been seen, all in all, without a slow approach to it [s].
+        crept_s: Time of the slow approach to the target since it was last seen [s].
         unseen: Timer of the target being unseen.
         switches: Timer of the seat switches saying what the phase waits for.
         opened: Timer of the lock being open.
@@ -76,6 +77,7 @@ class StateMemory:
         """Begin a stay."""
         self.since_ns = since_ns
         self.turned, self.seen_s, self.leg = 0.0, 0.0, 0
+        self.crept_s = 0.0
         self.unseen, self.switches, self.arrived = HoldTimer(), HoldTimer(), HoldTimer()
         self.opened, self.looked_behind, self.limited = HoldTimer(), HoldTimer(), HoldTimer()
         self.askew = HoldTimer()

@@ -22,6 +22,8 @@ class SearchSpec(Spec):
         k_per_s: Gain of the turn towards the wanted heading.
         creep_mps: Speed of the slow approach that improves a poor first estimate.
         creep_gap_m: Smallest distance to the face for that approach.
+        unseen_m: Way by which a unit comes nearer, at that speed, to a target that it has just lost: from
+            nearer its tags are larger. It was seen over this way a moment ago.
     """
 
     wait_s: Time = 0.4
@@ -29,6 +31,7 @@ class SearchSpec(Spec):
     k_per_s: Gain = 3.0
     creep_mps: Speed = 0.03
     creep_gap_m: Length = 0.25
+    unseen_m: Length = 0.1
 
 
 def scan(elapsed: float, duration: float, spec: SearchSpec, max_w: float) -> tuple[float, float]:

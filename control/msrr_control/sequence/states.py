@@ -26,6 +26,7 @@ from msrr_control.sequence.evidence import (
     with_doubt,
 )
 from msrr_control.sequence.observation import GiveUp
+from msrr_control.sequence.port_view import PortView
 from msrr_control.sequence.search import scan, turn_rate
 from msrr_scenes.messages import (
     Belief,
@@ -72,6 +73,10 @@ def hand_over(c: DockingContext) -> Twist | Transition:
     memory.turned += c.dt * c.observation.twist.w
     unseen = memory.unseen.update(view is None or view.age > c.spec.lost_time_s, c.now_ns)
     if view is None or unseen >= 0.0:
+        if view is not None and unseen > tuning.search.wait_s and _may_creep_unseen(c, view):
+            memory.crept_s += c.dt
+            return Twist(tuning.search.creep_mps, turn_rate(view.bearing, tuning.search, max_w))
+        unseen -= memory.crept_s
         if unseen > c.spec.search_time_s:
             if c.ever_seen:
                 return _fail(
@@ -84,7 +89,7 @@ def hand_over(c: DockingContext) -> Twist | Transition:
         middle = view.bearing if view is not None else -memory.turned
         heading, rate = scan(unseen, c.spec.search_time_s, tuning.search, max_w)
         return Twist(0.0, turn_rate(middle + heading, tuning.search, max_w, rate))
-    memory.turned = 0.0
+    memory.turned = memory.crept_s = 0.0
     in_cone = view.widest_edge < c.setup.los.outer
     ready_sigma_yaw = math.radians(tuning.ready_sigma_deg)
     certain = view.sigma_lateral <= tuning.ready_sigma_m and view.sigma_yaw <= ready_sigma_yaw
@@ -94,11 +99,21 @@ def hand_over(c: DockingContext) -> Twist | Transition:
     if memory.seen_s > tuning.ready_time_s:
         obstacle = "uncertain" if in_cone else "outside the cone"
         return _fail(f"target seen but {obstacle} at {view}", FailureReason.UNREADY, reassemble=True)
-    creeps = in_cone and view.gap > with_doubt(tuning.search.creep_gap_m, view.sigma_gap)
+    creeps = in_cone and _has_room(c, view)
     if not creeps:  # nearer to the port the tags are larger, and more of them are read
         memory.seen_s += c.dt
     creep = tuning.search.creep_mps if creeps else 0.0
     return Twist(creep, turn_rate(view.bearing, tuning.search, max_w))
+
+
+def _may_creep_unseen(c: DockingContext, view: PortView) -> bool:
+    """Return whether the unit comes nearer to a target that it has just lost."""
+    search = c.tuning.search
+    return c.memory.crept_s * search.creep_mps < search.unseen_m and _has_room(c, view)
+
+
+def _has_room(c: DockingContext, view: PortView) -> bool:
+    return view.gap > with_doubt(c.tuning.search.creep_gap_m, view.sigma_gap)
 
 
 def begin_approach(c: DockingContext) -> None:

@@ -187,6 +187,28 @@ def test_a_unit_comes_as_near_as_it_may_before_it_gives_up_an_uncertain_look(des
     assert gap == pytest.approx(TUNING.search.creep_gap_m, abs=0.01)
 
 
+@pytest.mark.parametrize(("gap", "way"), [(0.7, TUNING.search.unseen_m), (TUNING.search.creep_gap_m, 0.0)])
+def test_a_unit_comes_nearer_to_a_target_that_it_has_lost_before_it_looks_around(
+    desk: Desk, gap: float, way: float
+) -> None:
+    """Once for each time that it was seen, and not too near; then it has all its time to look around."""
+    los = _edges(0.5 * desk.facts.los.outer, 0.0)
+    for _ in range(2):
+        desk.ask(desk.at(gap), covariance=_wide(0.1, 0.1), los=los)
+        seen_ns, crept, turned = desk.now_ns, 0.0, False
+        while desk.now_ns - seen_ns < 6e9:
+            twist = desk.ask(desk.at(gap - crept), covariance=_wide(0.1, 0.1), exposed_ns=seen_ns).twist
+            crept += 1e-9 * DT_NS * twist.v
+            turned = turned or abs(twist.w) > 0.1
+        before = TUNING.search.creep_mps * DockingSpec().lost_time_s if way else 0.0  # as one that is seen
+        assert crept == pytest.approx(before + way, abs=0.002)
+        assert turned
+    while desk.machine.phase is Phase.HAND_OVER:
+        desk.ask(desk.at(gap - crept), covariance=_wide(0.1, 0.1), exposed_ns=seen_ns)
+    lasted = 1e-9 * (desk.now_ns - seen_ns) - way / TUNING.search.creep_mps
+    assert lasted == pytest.approx(DockingSpec().search_time_s + DockingSpec().lost_time_s, abs=0.1)
+
+
 def test_a_target_that_is_found_late_still_has_all_its_time_to_become_certain(desk: Desk) -> None:
     uncertain, los = _wide(0.1, 0.1), _edges(0.5 * desk.facts.los.outer, 0.0)
     while desk.now_ns < 0.9e9 * DockingSpec().search_time_s:
