@@ -42,9 +42,6 @@ _TIMES_NS = [k * _RATES_NS // _READINGS for k in range(-_READINGS, _READINGS + 1
 _PARABOLA = np.linalg.pinv(np.vander(np.array(_TIMES_NS) / NS_PER_S, 3, increasing=True))
 _VELOCITY, _ACCELERATION = _PARABOLA[1].tolist(), (2.0 * _PARABOLA[2]).tolist()
 
-#: Tolerances of the play of a gear from which on a wheel follows its motor for sure.
-_PLAY_SIGMAS = 3.0
-
 _NO_STEPS = np.zeros((0, 5))
 
 #: Way and turn after which lengths in what strains them are off by another error [m, rad].
@@ -124,7 +121,7 @@ class DriveMotion:
         self.drawn = Knowledge(np.zeros(len(sigmas)), covariance, layout.own - POSE_SIZE)
         # Two readings, each rounded to a tick.
         self._rounding = 2.0 * (2.0 * math.pi / odometry.ticks_per_turn * target.wheel_radius) ** 2 / 12.0
-        self._backlash = target.tolerances.backlash
+        self._play = 3.0 * target.tolerances.backlash
         self._clock = int(layout.tags.columns[0, CLOCK]) if len(layout.tags.columns) else -1
         self._behind = _CLOCK_SIGMAS * target.tolerances.clock_s
         self.about_ns = round(self._behind * NS_PER_S) + _RATES_NS
@@ -266,37 +263,15 @@ class DriveMotion:
         if wheels is None:
             return np.array([[0.0, 0.0, seconds(stamp_ns - state.stamp_ns), 0.0, 0.0]]), None
         steps: list[float] = []
-        before_ns, play = state.stamp_ns, _PLAY_SIGMAS * self._backlash
+        before_ns, play = state.stamp_ns, self._play
         for angles in history.angles_between(state.stamp_ns, stamp_ns):
             dt = seconds(angles.stamp_ns - before_ns)
             left, right = angles.left - wheels.left, angles.right - wheels.right
             loose_left = abs(angles.since_left - abs(left)) < play
             loose_right = abs(angles.since_right - abs(right)) < play
-            if loose_left:
-                left *= self._followed(angles.since_left, abs(left))
-            if loose_right:
-                right *= self._followed(angles.since_right, abs(right))
             steps += left, right, dt, loose_left, loose_right
             wheels, before_ns = angles, angles.stamp_ns
         return np.array(steps, dtype=np.float64).reshape(-1, 5), wheels
-
-    def _followed(self, since: float, turned: float) -> float:
-        """Return the share of the angle that a motor has turned by which its wheel has followed on average.
-
-        The play of a gear is the magnitude of what a normal distribution gives: on average a wheel stays
-        behind by 0.8 of the tolerance at each change of direction, which is no noise with a mean of 0.
-
-        Args:
-            since: Angle by which the motor has turned since it turned back [rad].
-            turned: Angle by which it has turned since the reading before, the end of the former [rad].
-        """
-        if turned == 0.0:
-            return 1.0
-        spread = math.sqrt(2.0) * self._backlash
-        ends = [max(since, 0.0) / spread, max(since - turned, 0.0) / spread]
-        # The integral of the probability that the play is less, which is the error function.
-        after, before = (x * math.erf(x) + math.exp(-x * x) / math.sqrt(math.pi) for x in ends)
-        return spread * (after - before) / turned
 
 
 def _weighted(angles: Sequence[WheelAngles], weights: Sequence[float]) -> tuple[float, float]:
