@@ -47,19 +47,19 @@ def _squared_deviations(estimate: PoseEstimate | None, X_DU: SE2) -> float:
     return float(off @ np.linalg.solve(estimate.covariance, off))
 
 
-@pytest.mark.parametrize(("which", "decided"), [(OBLIQUE, 95), (FRONTAL, 5)])
+@pytest.mark.parametrize(("which", "decided"), [(OBLIQUE, 45), (FRONTAL, 2)])
 def test_one_tag_read_again_by_a_unit_that_stands_is_as_far_off_as_it_says(
     target: TargetModel, scene: Scene, look: Look, which: int, decided: int
 ) -> None:
     """By a covariance that is the second moment the mean square is 3, whatever the distribution.
 
-    It is over two thousand places of 12 exposures each: 2.8 and 3.0, with deviations of 2.7 and 5.0. So the
-    mean of a hundred leaves the bounds with odds below one in a thousand; of twenty hundreds they were 2.1 to
-    4.7. A filter that followed one pose alone had 318,000 and 60. So that none passes by being sure of
-    nothing, the yaw has to be known in some places.
+    It is over two thousand places of 12 exposures each: 2.8 and 3.0, with deviations of 2.7 and 5.0, and of
+    forty fifties 1.8 to 5.0: beyond the bounds by chance once in two hundred times. A filter that followed
+    one pose alone had 318,000 and 60. So that none passes by being sure of nothing, the yaw has to be known
+    in some places.
     """
     rng, squares, sure = np.random.default_rng(6), [], 0
-    for _ in range(100):
+    for _ in range(50):
         X_DU = SE2(-0.1 - rng.uniform(0.45, 0.85), *rng.uniform([-0.1, -0.35], [0.1, 0.35]).tolist())
         ekf = CornerEkf(target, scene.odometry, corner_sigma_px=SIGMA_PX)
         for k in range(12):
