@@ -171,6 +171,7 @@ def test_a_full_folder_of_temporary_files_is_named_with_what_helps(
     )
 
 
+@pytest.mark.nightly
 def test_a_full_folder_of_machine_code_is_named_with_what_helps(
     short_trial: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -244,7 +244,10 @@ def running_sweep(overrides: dict[str, str], store: Path, jobs: int) -> Iterator
 
 @pytest.mark.parametrize(
     ("number", "code", "said"),
-    [(signal.SIGINT, 130, ("another Ctrl-C", "interrupted")), (signal.SIGTERM, 143, ("terminated",))],
+    [
+        (signal.SIGINT, 130, ("another Ctrl-C", "interrupted")),
+        pytest.param(signal.SIGTERM, 143, ("terminated",), marks=pytest.mark.nightly),
+    ],
 )
 def test_signals_on_the_command_line(
     short_trial: dict[str, str], tmp_path: Path, number: int, code: int, said: tuple[str, ...]

@@ -47,6 +47,7 @@ def test_a_worker_that_dies_takes_no_other_trial_with_it(
     assert sum(summary.outcomes.values()) == 3
 
 
+@pytest.mark.nightly
 def test_a_worker_that_dies_while_a_result_is_stored_ends_no_sweep(
     short_trial: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

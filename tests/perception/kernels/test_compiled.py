@@ -110,6 +110,7 @@ print(sum(twice.stats.cache_hits.values()), sum(twice.stats.cache_misses.values(
 """
 
 
+@pytest.mark.nightly
 def test_machine_code_is_shared_by_what_was_compiled(tmp_path: Path) -> None:
     """Where a package lies and when it was written does not count; its contents and the processor do."""
     packages = [tmp_path / name / "kernels" for name in ("one", "another")]
