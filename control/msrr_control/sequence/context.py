@@ -35,6 +35,11 @@ class Transition:
     failure: FailureReason | None = None
     reassemble: bool = False
 
+    @classmethod
+    def back_out(cls, reason: str, failure: FailureReason, reassemble: bool = False) -> Transition:
+        """End an attempt: back out, then try again, with the long-distance phase first to reassemble."""
+        return cls(Phase.RETREAT, reason, failure, reassemble)
+
 
 class HoldTimer:
     """Measures how long a condition has held without a break."""

@@ -22,8 +22,8 @@ class SearchSpec(Spec):
         k_per_s: Gain of the turn towards the wanted heading.
         creep_mps: Speed of the slow approach that improves a poor first estimate.
         creep_gap_m: Smallest distance to the face for that approach.
-        unseen_m: Way by which a unit comes nearer, at that speed, to a target that it has just lost: from
-            nearer its tags are larger. It was seen over this way a moment ago.
+        unseen_m: Way by which a unit comes nearer in each attempt, at that speed, to a target that it has
+            lost, before it looks around: from nearer its tags are larger.
     """
 
     wait_s: Time = 0.4

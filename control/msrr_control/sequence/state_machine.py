@@ -15,6 +15,7 @@ from msrr_control.docking.law import DockSetup
 from msrr_control.kinematics.elementwise import limit
 from msrr_control.sequence import states
 from msrr_control.sequence.context import DockingContext, StateMemory, Transition
+from msrr_control.sequence.hand_over import hand_over
 from msrr_control.sequence.observation import Assembler, Observation
 from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.errors import MsrrError, ProgramFailedError
@@ -45,9 +46,7 @@ class State(NamedTuple):
 #: never seen. Undocking leads from DONE to RETREAT and back.
 STATES = {
     Phase.ASSEMBLE: State(states.assemble, leads_to=(Phase.HAND_OVER, Phase.FAILED)),
-    Phase.HAND_OVER: State(
-        states.hand_over, leads_to=(Phase.CALIBRATE, Phase.DOCK, Phase.RETREAT, Phase.FAILED)
-    ),
+    Phase.HAND_OVER: State(hand_over, leads_to=(Phase.CALIBRATE, Phase.DOCK, Phase.RETREAT, Phase.FAILED)),
     Phase.CALIBRATE: State(states.calibrate, leads_to=(Phase.HAND_OVER,), enter=states.begin_approach),
     Phase.DOCK: State(states.dock, leads_to=(Phase.LOCK, Phase.RETREAT), enter=states.begin_approach),
     Phase.LOCK: State(states.lock, leads_to=(Phase.VERIFY, Phase.RETREAT), holds_lock=True),

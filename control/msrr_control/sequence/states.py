@@ -26,8 +26,6 @@ from msrr_control.sequence.evidence import (
     with_doubt,
 )
 from msrr_control.sequence.observation import GiveUp
-from msrr_control.sequence.port_view import PortView
-from msrr_control.sequence.search import scan, turn_rate
 from msrr_scenes.messages import (
     Belief,
     Conviction,
@@ -36,7 +34,6 @@ from msrr_scenes.messages import (
     MonitorState,
     Phase,
     Twist,
-    seconds,
 )
 from msrr_scenes.wording import counted
 
@@ -57,63 +54,6 @@ def assemble(c: DockingContext) -> Twist | Transition:
     if isinstance(decision, GiveUp):
         return Transition(Phase.FAILED, decision.reason, decision.failure)
     return decision
-
-
-def _what_was_read(c: DockingContext, unseen: float) -> str:
-    """Return in words what the onboard camera read during a search that gave no pose."""
-    read_ns = c.observation.tags_read_ns
-    if read_ns is None or seconds(c.now_ns - read_ns) > unseen:
-        return "no marker seen"
-    return "no pose agrees with the tags that were read (turned, or of another size or place?)"
-
-
-def hand_over(c: DockingContext) -> Twist | Transition:
-    """Wait for a certain estimate and a target inside the cone; search for a target that is not seen."""
-    view, memory, tuning, max_w = c.view, c.memory, c.tuning, c.setup.limits.w_max_radps
-    memory.turned += c.dt * c.observation.twist.w
-    unseen = memory.unseen.update(view is None or view.age > c.spec.lost_time_s, c.now_ns)
-    if view is None or unseen >= 0.0:
-        if view is not None and unseen > tuning.search.wait_s and _may_creep_unseen(c, view):
-            memory.crept_s += c.dt
-            return Twist(tuning.search.creep_mps, turn_rate(view.bearing, tuning.search, max_w))
-        unseen -= memory.crept_s
-        if unseen > c.spec.search_time_s:
-            if c.ever_seen:
-                return _fail(
-                    f"target not found in {unseen:.1f} s", FailureReason.TARGET_LOST, reassemble=True
-                )
-            reason = f"{_what_was_read(c, unseen)} in {unseen:.1f} s"
-            if c.assembler is None:
-                return Transition(Phase.FAILED, reason, FailureReason.NEVER_DETECTED)
-            return _fail(reason, FailureReason.NEVER_DETECTED, reassemble=True)
-        middle = view.bearing if view is not None else -memory.turned
-        heading, rate = scan(unseen, c.spec.search_time_s, tuning.search, max_w)
-        return Twist(0.0, turn_rate(middle + heading, tuning.search, max_w, rate))
-    memory.turned = memory.crept_s = 0.0
-    in_cone = view.widest_edge < c.setup.los.outer
-    ready_sigma_yaw = math.radians(tuning.ready_sigma_deg)
-    certain = view.sigma_lateral <= tuning.ready_sigma_m and view.sigma_yaw <= ready_sigma_yaw
-    if in_cone and certain:
-        to = Phase.CALIBRATE if c.calibrate else Phase.DOCK
-        return Transition(to, f"target seen at {view}")
-    if memory.seen_s > tuning.ready_time_s:
-        obstacle = "uncertain" if in_cone else "outside the cone"
-        return _fail(f"target seen but {obstacle} at {view}", FailureReason.UNREADY, reassemble=True)
-    creeps = in_cone and _has_room(c, view)
-    if not creeps:  # nearer to the port the tags are larger, and more of them are read
-        memory.seen_s += c.dt
-    creep = tuning.search.creep_mps if creeps else 0.0
-    return Twist(creep, turn_rate(view.bearing, tuning.search, max_w))
-
-
-def _may_creep_unseen(c: DockingContext, view: PortView) -> bool:
-    """Return whether the unit comes nearer to a target that it has just lost."""
-    search = c.tuning.search
-    return c.memory.crept_s * search.creep_mps < search.unseen_m and _has_room(c, view)
-
-
-def _has_room(c: DockingContext, view: PortView) -> bool:
-    return view.gap > with_doubt(c.tuning.search.creep_gap_m, view.sigma_gap)
 
 
 def begin_approach(c: DockingContext) -> None:
@@ -139,7 +79,7 @@ def dock(c: DockingContext) -> Twist | Transition:
     view, pose, switches = c.view, c.observation.pose, c.observation.switches
     spec, tuning, now_ns = c.spec, c.tuning, c.now_ns
     if view is None or pose is None or view.age > spec.lost_time_s:
-        return _fail(f"target lost for {spec.lost_time_s:.2f} s", FailureReason.TARGET_LOST)
+        return Transition.back_out(f"target lost for {spec.lost_time_s:.2f} s", FailureReason.TARGET_LOST)
     at_port = view.gap <= c.setup.pin_reach + tuning.contact_m
     if not at_port:
         c.memory.sigma_lateral = min(c.memory.sigma_lateral or math.inf, view.sigma_lateral)
@@ -167,14 +107,14 @@ def dock(c: DockingContext) -> Twist | Transition:
             # The pin that is farther in tells how the unit is turned: sight may be off by more than that.
             to_left = switches.right if one_closed and switches is not None else view.yaw > 0.0
             c.jammed(to_left)
-        return _fail(reason, FailureReason.STALLED, reassemble=held)
+        return Transition.back_out(reason, FailureReason.STALLED, reassemble=held)
     twist = c.controller.step(c.control_inputs(pose))
     if not at_port:
         return twist
     if view.gap > _IN_HOLES * c.setup.pin_reach:
         off_yaw, off_lateral = abs(view.yaw), abs(view.lateral - c.aim.lateral)
         if off_lateral > tuning.capture_share * c.setup.mouth or off_yaw > math.radians(tuning.capture_deg):
-            return _fail(f"too far off the axis at {view}", FailureReason.OFF_AXIS)
+            return Transition.back_out(f"too far off the axis at {view}", FailureReason.OFF_AXIS)
     if closed and agrees:  # on a slippery floor wheels push the target along for as long as they spin
         return STILL
     turn = min(max(twist.w, -tuning.press_turn_radps), tuning.press_turn_radps)
@@ -190,7 +130,7 @@ def lock(c: DockingContext) -> Twist | Transition:
     switches, report, memory, tuning = c.observation.switches, c.observation.lock, c.memory, c.tuning
     opened = switches is None or not switches.both
     if memory.switches.update(opened, c.now_ns) > tuning.debounce_s:
-        return _fail("seat switches opened while the cam closed", FailureReason.NOT_LATCHED)
+        return Transition.back_out("seat switches opened while the cam closed", FailureReason.NOT_LATCHED)
     # A report from before the command to close does not count.
     closed = (
         report is not None and report.stamp_ns >= memory.since_ns and report.position is LockPosition.CLOSED
@@ -198,7 +138,7 @@ def lock(c: DockingContext) -> Twist | Transition:
     if closed:
         return Transition(Phase.VERIFY, f"cam closed after {memory.lasted(c.now_ns):.2f} s")
     if memory.lasted(c.now_ns) > tuning.latch_s:
-        return _fail(f"cam not closed in {tuning.latch_s:.1f} s", FailureReason.NOT_LATCHED)
+        return Transition.back_out(f"cam not closed in {tuning.latch_s:.1f} s", FailureReason.NOT_LATCHED)
     return STILL
 
 
@@ -207,7 +147,7 @@ def verify(c: DockingContext) -> Twist | Transition:
     check, tuning, view, switches = c.spec.verify, c.tuning, c.view, c.observation.switches
     against = loosened(c)
     if against is not None:
-        return _fail(against.reason, FailureReason.NOT_VERIFIED)
+        return Transition.back_out(against.reason, FailureReason.NOT_VERIFIED)
     closed = switches is not None and switches.both
     if closed and not check.by_sight:
         return Transition(Phase.DONE, "seat switches and cam closed")
@@ -222,7 +162,7 @@ def verify(c: DockingContext) -> Twist | Transition:
         off = None if view is None else off_seat(c, view)
         if off is not None and closed:
             seen += f": {off}. The seat is false, or camera or marker are off by more than their tolerances"
-        return _fail(f"locked, but {seen}", FailureReason.NOT_VERIFIED)
+        return Transition.back_out(f"locked, but {seen}", FailureReason.NOT_VERIFIED)
     return STILL
 
 
@@ -307,8 +247,3 @@ def _after_retreat(c: DockingContext) -> Transition:
     c.last_gap = None  # the unit goes far away
     c.assembler.reset(c.belief.reason)
     return Transition(Phase.ASSEMBLE, reason)
-
-
-def _fail(reason: str, failure: FailureReason, reassemble: bool = False) -> Transition:
-    """End an attempt: back out, then try again, with the long-distance phase first if it is to reassemble."""
-    return Transition(Phase.RETREAT, reason, failure, reassemble)

@@ -36,7 +36,7 @@ _ITERATIONS = 30
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StartingState:
-    """A first state, shapes (n,) and (n, n), and the squared residuals that it leaves."""
+    """A first state, shapes (n,) and (n, n), and minus twice the logarithm of its likelihood."""
 
     mean: Array
     covariance: Array

@@ -3,7 +3,7 @@
 A Kalman filter that is started at one of them settles there, right or wrong, as its linearisation shows none
 but this one. So every state that may be right is followed, until the measurements have decided: the Gaussian
 sum filter (Alspach and Sorenson, "Nonlinear Bayesian estimation using Gaussian sum approximations", IEEE TAC
-17, 1972), whose weights are kept as costs, the squared innovations that each state has left unexplained.
+17, 1972), whose weights are kept as costs: minus twice the logarithm of the likelihood of all measurements.
 """
 
 from __future__ import annotations

@@ -70,7 +70,8 @@ class FilterState:
         doubted_ns: Exposure time of the last measurement that agrees only if what the wheels tell is doubted;
             None if each agrees with it.
         exposures: What became of the exposures up to this state.
-        cost: Squared innovations of its measurements; only how they differ between rivals means something.
+        cost: Minus twice the logarithm of the likelihood of its measurements; only how that differs between
+            rivals means something.
         rivals: Other states that may be the right one instead; they have no rivals themselves.
     """
 
