@@ -119,7 +119,7 @@ def _files_of(module: str) -> list[Path]:
         return []
     root = file.parents[module.count(".") + (file.name == "__init__.py")]
     package = module.partition(".")[0]
-    installed = str(root) in (sysconfig.get_path("purelib"), sysconfig.get_path("platlib"))
+    installed = str(root) in map(sysconfig.get_path, ("purelib", "platlib", "stdlib"))
     found: set[Path] = set()
     waiting = {module}
     while waiting:
@@ -134,7 +134,7 @@ def _files_of(module: str) -> list[Path]:
     return sorted(found)
 
 
-def _imports(source: Path, package: str) -> set[str]:
+def _read_imports(source: Path, package: str) -> set[str]:
     """Return the modules that a file of a package may import, with the packages around them."""
     try:
         nodes = list(ast.walk(ast.parse(source.read_bytes())))
@@ -150,6 +150,10 @@ def _imports(source: Path, package: str) -> set[str]:
             names |= {".".join([*base, alias.name]) for alias in node.names} | {".".join(base)}
     parts = [name.split(".") for name in names if name]
     return {".".join(p[: i + 1]) for p in parts for i in range(len(p))}
+
+
+# To parse a file takes milliseconds, and every trial asks for all files of every class of one's own.
+_imports = FileCache(lambda source, package: (_read_imports(source, package), [source]), most=1024)
 
 
 def module_file(module: str) -> Path | None:
