@@ -170,11 +170,14 @@ def test_on_the_way(what: str, shipped: Callable[..., Scene]) -> None:
 def test_what_an_approach_shows_of_the_calibration(
     name: str, shipped: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The errors of the filter about its calibration in 24 trials are as large as their standard deviations.
+    """The errors of the filter about its calibration in 48 trials are as large as their standard deviations.
 
-    Measured: 0.7 to 1.8, most for the focal length in ``two_units``. Of 39 honest deviations one gives a
-    ratio above 1.7 once in 9,000 times, and of 39 that are 1.4 times too small one gives a ratio above 2.1
-    once in 60. Nothing that was built within its tolerances contradicts them.
+    Each trial has tags of other ids: what a tag shows beside its borders moves its edges in every trial alike,
+    so that 48 trials of the same tags would be one draw of these errors.
+
+    Measured: 0.6 to 1.8, most for k1 in ``close_range`` and the focal length in ``two_units``. Of 39 honest
+    deviations one gives a ratio above 1.4 once in 300 times, and of 39 that are 1.4 times too small one gives
+    a ratio above 2.0 once in 900. Nothing that was built within its tolerances contradicts them.
     """
     filters: list[CornerEkf] = []
     receive = CornerEkf.add_detections
@@ -184,25 +187,22 @@ def test_what_an_approach_shows_of_the_calibration(
         receive(self, detections)
 
     monkeypatch.setattr(CornerEkf, "add_detections", add_detections)
-    scene = shipped(name, {"as_built": "careful"})
-    step = scene.docks[0]
     errors, learned = defaultdict(list), defaultdict(list)
-    for seed in range(900, 924):
+    for number, seed in enumerate(range(900, 948), 1):
+        scene = shipped(name, {"as_built": "careful", "units.b.number": str(number)})
         Trial(scene, seed).run()
         built = draw_as_built(scene, seed).errors
         for known in filters[0].calibration_errors():
-            quantity = known.quantity
-            true = built[_name_as_built(scene, step, quantity)]
-            of_tag = "" if quantity.tag is None else f" of tag {quantity.tag}"
-            errors[quantity.name + of_tag].append((known.error - true) / known.sigma)
-            learned[quantity.name + of_tag].append(known.sigma / known.tolerance)
+            key = _name_as_built(scene, scene.docks[0], known.quantity)
+            errors[key].append((known.error - built[key]) / known.sigma)
+            learned[key].append(known.sigma / known.tolerance)
             assert not known.contradicts, known
     ratio = {key: math.sqrt(np.square(values).mean()) for key, values in errors.items()}
-    print(f"\n{name}: sigma over tolerance, RMS of the errors over sigma")
+    print(f"\n{name}: sigma over tolerance, RMS and mean of the errors over sigma")
     for key, value in ratio.items():
-        print(f"{key:28} {np.mean(learned[key]):4.2f} {value:4.2f}")
+        print(f"{key:36} {np.mean(learned[key]):4.2f} {value:4.2f} {np.mean(errors[key]):+5.2f}")
     assert len(ratio) == 39
-    assert all(value < 2.1 for value in ratio.values()), ratio
+    assert all(value < 2.0 for value in ratio.values()), ratio
 
 
 def _name_as_built(scene: Scene, step: DockStep, quantity: Quantity) -> str:
