@@ -172,8 +172,8 @@ def test_what_an_approach_shows_of_the_calibration(
 ) -> None:
     """The errors of the filter about its calibration in 48 trials are as large as their standard deviations.
 
-    Each trial has tags of other ids: what a tag shows beside its borders moves its edges in every trial alike,
-    so that 48 trials of the same tags would be one draw of these errors.
+    Each trial has tags of other ids: what a tag shows beside its borders moves its edges alike in all trials,
+    so that trials with the same tags would be one draw of these errors.
 
     Measured: 0.6 to 1.8, most for k1 in ``close_range`` and the focal length in ``two_units``. Of 39 honest
     deviations one gives a ratio above 1.4 once in 300 times, and of 39 that are 1.4 times too small one gives
