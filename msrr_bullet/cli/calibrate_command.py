@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,6 +21,7 @@ from msrr_bullet.cli.options import (
     check_writable,
     write_output,
 )
+from msrr_bullet.cli.picture_notes import poor_residual, same_picture
 from msrr_scenes.errors import SceneError
 from msrr_scenes.wording import counted
 
@@ -32,11 +34,16 @@ if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
     from msrr_scenes.geometry.lens import Lens
     from msrr_scenes.messages import Pixels
 
-#: Relative uncertainty of the focal length that calls for more pictures.
-_POOR_FOCAL = 0.02
+#: Relative uncertainty of the focal length that calls for more pictures, and that of no calibration.
+_POOR_FOCAL, _NO_FOCAL = 0.02, 0.2
 
-#: Residual that calls the board into question [px]; the corners of blurred pictures are better known.
-_POOR_RESIDUAL_PX = 2.0
+#: Residual of no calibration [px], and over the longer side of the pictures if that is more; the corners of
+#: blurred pictures are better known.
+_NO_FIT_PX, _NO_FIT = 2.0, 1e-3
+
+
+#: Endings of the file of a calibration.
+_YAML = ".yaml", ".yml"
 
 
 class Kind(StrEnum):
@@ -105,7 +112,9 @@ def calibrate(
         raise SceneError(f"--coefficients {coefficients}: expected one of {', '.join(map(str, MODELS))}")
     pattern = _board(kind, board, square_mm, marker_mm, family)
     files = picture_files(images)
-    file = out if out.suffix in (".yaml", ".yml") else out / "camera.yaml"
+    file = out if out.suffix in _YAML else out / "camera.yaml"
+    if out.suffix and file.parent == out and not out.is_dir():
+        raise SceneError(f"--out {out}: expected a file that ends in {' or '.join(_YAML)}, or a folder")
     written = [file, file.with_stem(f"{file.stem}_opencv"), file.with_suffix(".png")]
     check_no_source(file.parent, images)
     make_folder(file.parent)
@@ -115,16 +124,17 @@ def calibrate(
     check_writable(json_file, "--json", [*files, *written])
     console = open_console(stderr=json_file == STANDARD_OUTPUT)
     with status_line(console, "reading the pictures") as show:
-        found, missed = _calibrated(pattern, files, coefficients, show)
-        dubious = 2 * len(missed) > len(files) or found.rms_px > _POOR_RESIDUAL_PX
-        doubt = _doubt(pattern, files, missed) if dubious else ""
+        found, pictures = _calibrated(pattern, files, coefficients, show)
+        _refuse(found, kind, pattern, files)
+        missed = pictures.missed
+        doubt = _doubt(pattern, files, missed) if 2 * len(missed) > len(files) else ""
     try:
-        write_output(json_file, json.dumps(_summary(found, missed), indent=1) + "\n")
+        write_output(json_file, json.dumps(_summary(found, pictures), indent=1, allow_nan=False) + "\n")
         write_calibration(file, found.told)
         write_calibration(written[1], found.told, "opencv")
         draw_coverage(found, written[2])
     finally:
-        _report(console, found, missed, doubt)
+        _report(console, found, pictures, doubt, kind)
     console.print("files: " + ", ".join(map(str, written)), soft_wrap=True, highlight=False)
 
 
@@ -146,55 +156,111 @@ def _board(kind: Kind, size: str, square_mm: float, marker_mm: float | None, fam
     return build(columns, rows, 1e-3 * square_mm, 1e-3 * marker_mm, markers)
 
 
+@dataclass
+class _Pictures:
+    """The pictures of a calibration.
+
+    Attributes:
+        views: The boards that were found.
+        missed: Names of pictures that show none.
+        repeated: Names of pictures that are the same as an earlier one, and of that.
+        width: Width of all pictures [px].
+        height: Their height [px].
+    """
+
+    views: list[BoardView] = field(default_factory=list)
+    missed: list[str] = field(default_factory=list)
+    repeated: list[tuple[str, str]] = field(default_factory=list)
+    width: int = 0
+    height: int = 0
+
+
 def _calibrated(
     board: Board, files: Sequence[Path], coefficients: int | None, show: Callable[[str], None]
-) -> tuple[CameraCalibration, list[str]]:
-    """Return the calibration, and the names of pictures that show no board."""
+) -> tuple[CameraCalibration, _Pictures]:
+    """Return the calibration and its pictures."""
     from msrr_perception.camera_calibration.boards import BoardError
     from msrr_perception.camera_calibration.fit import FEWEST_PICTURES, calibrate_camera
 
-    views, missed, (width, height) = _views(board, files, None, show)
-    if len(views) < FEWEST_PICTURES and 2 * len(missed) > len(files):  # OpenCV may misread one
-        raise BoardError(_doubt(board, files, missed))
-    found = calibrate_camera(views, width, height, coefficients)
+    read = _read_boards(board, files, None, show)
+    if len(read.views) < FEWEST_PICTURES and 2 * len(read.missed) > len(files):  # OpenCV may misread one
+        raise BoardError(_doubt(board, files, read.missed))
+    found = calibrate_camera(read.views, read.width, read.height, coefficients)
     if board.uses_lens:
-        views, missed, _ = _views(board, files, found.told.lens(width, height), show)
-        found = calibrate_camera(views, width, height, coefficients)
-    return found, missed
+        read = _read_boards(board, files, found.told.lens(read.width, read.height), show)
+        found = calibrate_camera(read.views, read.width, read.height, coefficients)
+    return found, read
+
+
+def _refuse(found: CameraCalibration, kind: Kind, board: Board, files: Sequence[Path]) -> None:
+    """Refuse a camera that cannot have seen these boards, rather than to replace a good calibration by it.
+
+    Raises:
+        CalibrationError: The residual is large, or the focal length is as good as unknown.
+    """
+    from msrr_perception.camera_calibration.fit import CalibrationError
+
+    told = found.told
+    most_px = max(_NO_FIT_PX, _NO_FIT * max(told.width_px or 0, told.height_px or 0))
+    if not found.rms_px <= most_px:  # which no NaN is
+        raise CalibrationError(
+            f"the best camera shows the boards {found.rms_px:.2f} px (RMS) from where they are, so the board "
+            f"is not as told{_seen(board, files)}; check {_measures(kind)}; nothing was written"
+        )
+    if not found.sigma["fx_px"] <= _NO_FOCAL * told.fx_px:
+        raise CalibrationError(
+            f"the pictures do not tell the focal length ({told.fx_px:.0f} ± {found.sigma['fx_px']:.0f} px): "
+            f"tilt the board by 30 to 45 degrees to all sides, and check {_measures(kind)}; nothing was "
+            "written"
+        )
+
+
+def _measures(kind: Kind) -> str:
+    """Return the options that say what the board is like."""
+    return "--board and --square-mm" if kind is Kind.CHESSBOARD else "--board, --square-mm and --marker-mm"
 
 
 def _doubt(board: Board, files: Sequence[Path], missed: Sequence[str]) -> str:
     """Return how many pictures show the board, what one of the others shows, and what may be wrong."""
-    hints = ((file, board.hint(_read(file))) for file in (*map(Path, missed), *files))
-    hint = next((f"; {file} shows {text}" for file, text in hints if text), "")
-    return f"{len(files) - len(missed)} of {len(files)} pictures show the board{hint}; is --board right?"
+    seen = _seen(board, (*map(Path, missed), *files))
+    return f"{len(files) - len(missed)} of {len(files)} pictures show the board{seen}; is --board right?"
 
 
-def _views(
+def _seen(board: Board, files: Sequence[Path]) -> str:
+    """Return what the first picture shows that shows anything like a board, or an empty text."""
+    hints = ((file, board.hint(_read(file))) for file in files)
+    return next((f"; {file} shows {text}" for file, text in hints if text), "")
+
+
+def _read_boards(
     board: Board, files: Sequence[Path], lens: Lens | None, show: Callable[[str], None]
-) -> tuple[list[BoardView], list[str], tuple[int, int]]:
-    """Return the boards that were found, the pictures without one, and the size of the pictures [px]."""
+) -> _Pictures:
+    """Return the boards in some pictures, each of them once."""
     from msrr_perception.camera_calibration.fit import BoardView
-    from msrr_perception.photographs.picture_files import PictureError
+    from msrr_perception.photographs.picture_files import PictureError, Repeats
 
-    views, missed, size = [], [], (0, 0)
+    read, repeats = _Pictures(), Repeats()
     for i, file in enumerate(files):
         show(f"{i + 1} of {len(files)}: {file}")
         pixels = _read(file)
         height, width = pixels.shape
-        if size == (0, 0):
-            size = width, height
-        if (width, height) != size:
+        if i == 0:
+            read.width, read.height = width, height
+        if (width, height) != (read.width, read.height):
             raise PictureError(
-                f"{file}: {width} x {height} px, and {files[0]} has {size[0]} x {size[1]} px; a calibration "
-                "belongs to pictures of one size"
+                f"{file}: {width} x {height} px, and {files[0]} has {read.width} x {read.height} px; a "
+                "calibration belongs to pictures of one size"
             )
+        first = repeats.first(str(file), pixels)
+        if first is not None:
+            read.repeated.append((str(file), first))
+            continue
         points = board.find(pixels, lens)
         if points is None:
-            missed.append(str(file))
+            read.missed.append(str(file))
         else:
-            views.append(BoardView(str(file), points))
-    return views, missed, size
+            read.views.append(BoardView(str(file), points))
+    return read
 
 
 def _read(file: Path) -> Pixels:
@@ -205,7 +271,7 @@ def _read(file: Path) -> Pixels:
     return read_picture(file)
 
 
-def _report(console: Console, found: CameraCalibration, missed: Sequence[str], doubt: str) -> None:
+def _report(console: Console, found: CameraCalibration, read: _Pictures, doubt: str, kind: Kind) -> None:
     from rich.table import Table
 
     from msrr_bullet.figures.coverage import covered, tilt
@@ -227,7 +293,8 @@ def _report(console: Console, found: CameraCalibration, missed: Sequence[str], d
             noise = f"{found.noise_sigma[name]:.2g}"
             table.add_row(name, f"{getattr(found.told, name):.5g}", f"{sigma:.2g}", noise)
     console.print(table)
-    lines = [f"no board: {name}" for name in missed]
+    lines = [f"no board: {name}" for name in read.missed]
+    lines += [same_picture(*names) for names in read.repeated]
     lines += [
         f"left out: {view.name}: {view.rms_px:.2f} px from the rest; blurred, bent or wrongly read"
         for view in found.views
@@ -243,6 +310,7 @@ def _report(console: Console, found: CameraCalibration, missed: Sequence[str], d
         f"{found.model.held_out_px:.3f} px of pictures held out; "
         f"points in {100.0 * covered(found):.0f} % of the picture"
     )
+    lines += poor_residual(found.rms_px, _measures(kind))
     if doubt:
         lines.append(f"the board is in doubt: {doubt}")
     console.print("\n".join(lines), soft_wrap=True, highlight=False)
@@ -254,7 +322,7 @@ def _names(free: int) -> str:
     return ", ".join(COEFFICIENTS[:free]) or "none"
 
 
-def _summary(found: CameraCalibration, missed: Sequence[str]) -> dict[str, Any]:
+def _summary(found: CameraCalibration, read: _Pictures) -> dict[str, Any]:
     return {
         "calibration": found.told.model_dump(),
         "sigma": dict(found.sigma),
@@ -266,7 +334,8 @@ def _summary(found: CameraCalibration, missed: Sequence[str]) -> dict[str, Any]:
             {"free_coefficients": m.free, "held_out_px": m.held_out_px, "folds": m.folds}
             for m in found.models
         ],
-        "no_board": list(missed),
+        "no_board": read.missed,
+        "same_pictures": [list(names) for names in read.repeated],
         "images": [
             {"file": view.name, "points": len(view.corners), "rms_px": view.rms_px, "used": view.used}
             for view in found.views

@@ -11,6 +11,7 @@ import typer
 
 from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.options import check_no_source
+from msrr_bullet.cli.picture_notes import poor_residual, same_picture
 from msrr_scenes.errors import SceneError
 from msrr_scenes.wording import counted
 
@@ -52,7 +53,7 @@ def map_pictures(
     """
     lens = _lens(calibration)
     from msrr_bullet.run_folder import make_folder
-    from msrr_bullet.tag_mapping.result_files import write_results
+    from msrr_bullet.tag_mapping.result_files import CALIBRATION, write_results
     from msrr_perception.detection.detector import PupilDetector, for_lens
     from msrr_perception.mapping.mapper import map_tags
     from msrr_perception.photographs.picture_files import picture_files
@@ -63,9 +64,12 @@ def map_pictures(
     check_no_source(out, images)
     make_folder(out)
     console = open_console()
+    notes: list[str] = []
     with status_line(console, "reading the pictures") as show:
         pictures = []
-        for picture in tagged_pictures(files, detector, lens):
+        for picture in tagged_pictures(
+            files, detector, lens, lambda *names: notes.append(same_picture(*names))
+        ):
             pictures.append(picture)
             show(f"{counted(len(pictures), 'picture')} read")
         show("adjusting the map")
@@ -73,8 +77,11 @@ def map_pictures(
     try:
         written = write_results(out, found, family)
     finally:
-        _report(console, found)
+        _report(console, found, notes)
     typer.echo("files: " + ", ".join(map(str, written)))
+    older = out / CALIBRATION
+    if older not in written and older.exists() and not older.samefile(calibration):
+        typer.echo(f"{older} is of an earlier run, and not of this map")
 
 
 def _lens(calibration: Path) -> Lens:
@@ -91,7 +98,7 @@ def _lens(calibration: Path) -> Lens:
     return told.lens(told.width_px, told.height_px)
 
 
-def _report(console: Console, found: TagMap) -> None:
+def _report(console: Console, found: TagMap, notes: Iterable[str]) -> None:
     """Print the tags, the residuals by size, angle and picture, what was left out, and the refined lens."""
     from msrr_bullet.tag_mapping.residual_figure import headline
 
@@ -104,6 +111,8 @@ def _report(console: Console, found: TagMap) -> None:
     for name in worst[:_SHOWN_PICTURES]:
         _add_residuals(table, name, [s for s in used if s.picture == name])
     console.print(table)
+    for note in notes:
+        typer.echo(note)
     for left_out in found.left_out:
         typer.echo(_explained(left_out))
     if found.unconnected:
@@ -115,6 +124,8 @@ def _report(console: Console, found: TagMap) -> None:
         terms = zip(names, values, found.lens_sigma, strict=True)
         typer.echo("lens: " + ", ".join(f"{name} {value:.4g} ± {sigma:.2g}" for name, value, sigma in terms))
     typer.echo(headline(found))
+    for line in poor_residual(_rms(used), "--calibration or --tag-size"):
+        typer.echo(line)
 
 
 def _tags_table(found: TagMap) -> Table:
@@ -127,7 +138,7 @@ def _tags_table(found: TagMap) -> Table:
         table.add_column(column, justify="right")
     for tag_id, tag in found.tags.items():
         x, y, z = (f"{value:.4f}" for value in tag.X_MT.p.tolist())
-        spread = f"{1e3 * tag.sigma_m:.1f}", f"{math.degrees(tag.sigma_rad):.2f}"
+        spread = f"{1e3 * tag.sigma_m:.2g}", f"{math.degrees(tag.sigma_rad):.2g}"
         rms = _rms(s for s in found.sightings if s.kept and s.tag_id == tag_id)
         table.add_row(str(tag_id), str(tag.pictures), x, y, z, *spread, f"{rms:.2f}")
     return table

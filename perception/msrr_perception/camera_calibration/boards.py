@@ -31,6 +31,10 @@ _WINDOW = 0.4
 _LEAST_WINDOW_PX = 2
 _SETTLED = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 100, 1e-4)
 
+#: Largest RMS distance of the corners of tags from a grid in perspective, over the edges of the tags. The
+#: distortion of a lens takes a tenth; tags of another grid are off by the distance from one to the next.
+_MOST_MISFIT = 0.5
+
 #: Prefix of the names of dictionaries in OpenCV.
 _DICTIONARY = "DICT_"
 
@@ -220,7 +224,7 @@ class TagGrid:
         ]
 
     def find(self, pixels: Pixels, lens: Lens | None = None) -> BoardPoints | None:
-        """Return the corners of the tags that are seen, each of them once."""
+        """Return the corners of the tags that are seen, each of them once; None if no such grid is."""
         finder = self._finder if lens is None else TagFinder((self._family,), lens)
         found = [f.tag for f in finder.find(pixels)]
         ids = [tag.tag_id for tag in found]
@@ -230,7 +234,12 @@ class TagGrid:
         corners = np.concatenate([tag.corners for tag in once])
         which = [tag.tag_id for tag in once]
         possible = [layout[which].reshape(-1, 3) for layout in self._layouts]
-        return BoardPoints(min(possible, key=lambda points_B: _misfit(points_B, corners)), corners)
+        misfits = [_misfit(points_B, corners) for points_B in possible]
+        least = int(np.argmin(misfits))
+        edges = np.linalg.norm(corners - np.roll(corners.reshape(-1, 4, 2), 1, axis=1).reshape(-1, 2), axis=1)
+        if misfits[least] > _MOST_MISFIT * edges.mean():
+            return None
+        return BoardPoints(possible[least], corners)
 
     def hint(self, pixels: Pixels) -> str:
         """Return the ids of the tags that are seen."""

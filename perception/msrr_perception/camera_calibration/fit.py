@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from msrr_perception.camera_calibration.boards import BoardPoints
@@ -30,6 +31,10 @@ FEWEST_PICTURES = 3
 
 #: Largest number of groups into which pictures are dealt to be held out in turn.
 _MOST_GROUPS = 10
+
+#: RMS distance of the corners of two pictures up to which they show the board in one place [px]. Such
+#: pictures are held out together, for each of them is no test of a camera that was fitted to the other one.
+_SAME_PLACE_PX = 3.0
 
 #: A picture contradicts the others if its residual is more than this many times the median. By noise alone
 #: the residuals of twenty points and more are within a third of each other; sharpness differs more than that.
@@ -101,7 +106,7 @@ class _Trial:
 
     @classmethod
     def of(cls, views: Sequence[BoardView], size: tuple[int, int], free: int) -> _Trial:
-        group = np.arange(len(views)) % _MOST_GROUPS
+        group = _places(views) % _MOST_GROUPS
         errors, partial = np.zeros(len(views)), []
         for number in np.unique(group):
             partial.append(_fit([v for v, g in zip(views, group, strict=True) if g != number], size, free))
@@ -140,6 +145,12 @@ def calibrate_camera(
     size = width, height
     used = _consistent(views, size, _FIRST_MODEL if free is None else free)
     kept = [views[i] for i in used]
+    places = len(set(_places(kept).tolist()))
+    if places < FEWEST_PICTURES:
+        raise CalibrationError(
+            f"{len(kept)} pictures show the board in {places} place(s); {FEWEST_PICTURES} are the fewest, "
+            "and 10 to 20 are better: move the camera or the board between pictures"
+        )
     tried = {n: _Trial.of(kept, size, n) for n in (MODELS if free is None else (free,))}
     usable = {n: trial.errors for n, trial in tried.items() if not trial.wrong}
     if not usable:
@@ -188,6 +199,21 @@ def _fit(views: Sequence[BoardView], size: tuple[int, int], free: int) -> _Fit:
         sigma=np.asarray(sigma, dtype=np.float64).ravel()[: len(ENTRIES)],
         residuals_px=np.asarray(residuals, dtype=np.float64).ravel(),
     )
+
+
+def _places(views: Sequence[BoardView]) -> NDArray[np.int64]:
+    """Return the number of the place of each board, shape (N,): that of an earlier one that is seen there."""
+    places: list[int] = []
+    for i, view in enumerate(views):
+        alike = (places[k] for k in range(i) if _in_one_place(view.points, views[k].points))
+        places.append(next(alike, max(places, default=-1) + 1))
+    return np.array(places, dtype=np.int64)
+
+
+def _in_one_place(points: BoardPoints, others: BoardPoints) -> bool:
+    if not np.array_equal(points.points_B, others.points_B):
+        return False
+    return float(np.mean((points.corners - others.corners) ** 2)) < 0.5 * _SAME_PLACE_PX**2
 
 
 def _consistent(views: Sequence[BoardView], size: tuple[int, int], free: int) -> list[int]:

@@ -110,7 +110,10 @@ def adjust(bundle: Bundle, seen: Sightings, scale_px: float = math.inf) -> Adjus
         if settled or not better:
             jacobian = bundle.jacobian(seen)
             return Adjusted(bundle, residuals, jacobian, _factorised(jacobian.T @ jacobian, 0.0))
-    raise AdjustmentError(f"the map has not settled after {_STEPS} steps of least squares")
+    raise AdjustmentError(
+        f"the map has not settled after {_STEPS} steps of least squares; a calibration of another camera, "
+        "tags that moved between pictures, or an id that several tags have may be why"
+    )
 
 
 def _cost(residuals: Array, scale_px: float) -> float:

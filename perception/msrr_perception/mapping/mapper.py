@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -185,6 +186,12 @@ def _sightings(pictures: Sequence[TaggedPicture]) -> tuple[Sightings, list[str],
     found = [(p.name, t) for p in sorted(pictures, key=lambda p: p.name) for t in p.tags]
     if not found:
         raise AdjustmentError("no tag was found in any picture; is the family right?")
+    for (name, tag_id), count in Counter((name, tag.tag_id) for name, tag in found).items():
+        if count > 1:
+            raise AdjustmentError(
+                f"{name}: tag {tag_id} is there {count} times; every tag of a map has an id of its own, and "
+                "every picture a name"
+            )
     for name, tag in found:
         if np.linalg.matrix_rank(tag.corners - tag.corners[0], tol=1e-6) < 2:
             raise AdjustmentError(f"{name}: the corners of tag {tag.tag_id} lie on a line")

@@ -6,6 +6,8 @@ belongs to the sensor and not to the way the camera was held.
 
 from __future__ import annotations
 
+import hashlib
+import os
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -39,7 +41,7 @@ def picture_files(paths: Iterable[Path]) -> tuple[Path, ...]:
     Those of a folder are in the order of their names, numbers in which count as such: 2 is before 10.
 
     Raises:
-        PictureError: A folder holds neither, or cannot be read.
+        PictureError: A folder holds neither, or cannot be read, or the name of a file is no text.
     """
     files: list[Path] = []
     for path in paths:
@@ -50,13 +52,35 @@ def picture_files(paths: Iterable[Path]) -> tuple[Path, ...]:
         if not inside:
             raise PictureError(f"{path}: no picture or film in this folder ({' '.join(PICTURES + FILMS)})")
         files.extend(inside)
+    for file in files:
+        if _shown(file) != str(file):
+            raise PictureError(f"{_shown(file)}: the name of this file is not in UTF-8; give it another one")
     return tuple(dict.fromkeys(files))
+
+
+def _shown(file: Path) -> str:
+    """Return a name that can be printed and written, whatever bytes the file system has for it."""
+    return os.fsencode(file).decode("utf-8", "replace")
 
 
 def _order(file: Path) -> tuple[list[str | int], str]:
     """Return by what files are sorted; every second part of a name is a number."""
     parts = re.split(r"([0-9]+)", file.stem)
     return [int(part) if i % 2 else part for i, part in enumerate(parts)], file.name
+
+
+class Repeats:
+    """Pictures by their pixels, to find those that are there twice: a copy tells nothing new."""
+
+    def __init__(self) -> None:
+        """Begin with no picture."""
+        self._first: dict[bytes, str] = {}
+
+    def first(self, name: str, pixels: Pixels) -> str | None:
+        """Return the name of the earlier picture with these pixels; None keeps this one as the first."""
+        digest = hashlib.blake2b(pixels.tobytes(), digest_size=16).digest()
+        first = self._first.setdefault(digest, name)
+        return None if first is name else first
 
 
 def read_pictures(file: Path) -> Iterator[tuple[str, Pixels]]:
@@ -77,7 +101,7 @@ def read_pictures(file: Path) -> Iterator[tuple[str, Pixels]]:
 def read_picture(file: Path) -> Pixels:
     """Return the pixels of a picture, mono8 of shape (height, width).
 
-    Colours become grey levels, and deeper ones than 8 bits are divided so that the brightest pixel fits.
+    Colours become grey levels, and deeper ones than 8 bits are divided as :func:`mono8` does.
 
     Raises:
         PictureError: The file cannot be read, holds no picture, or one of an impossible size.
@@ -155,7 +179,9 @@ def announced_frames(file: Path) -> int:
 
 
 def mono8(grey: NDArray[np.generic], name: str) -> Pixels:
-    """Return grey levels as bytes; deeper ones are divided so that the brightest pixel fits.
+    """Return grey levels as bytes; deeper ones are divided so that all but one pixel in a thousand fit.
+
+    A single hot pixel would make the picture black if all of them had to.
 
     Raises:
         PictureError: The size is impossible.
@@ -169,5 +195,6 @@ def mono8(grey: NDArray[np.generic], name: str) -> Pixels:
     if grey.dtype == np.uint8:
         return np.asarray(grey, dtype=np.uint8)
     levels = np.nan_to_num(grey.astype(np.float32), nan=0.0, posinf=0.0, neginf=0.0)
-    brightest = float(levels.max())
+    count = levels.size // 1000
+    brightest = float(np.partition(levels, -1 - count, axis=None)[-1 - count])
     return np.asarray(np.clip(levels * (255.0 / max(brightest, 1e-9)), 0.0, 255.0), dtype=np.uint8)

@@ -244,3 +244,14 @@ def test_neither_order_nor_names_matter(seed: int) -> None:
         np.testing.assert_allclose(
             (X_MN @ mapped.X_MT).matrix(), found.tags[back[tag]].X_MT.matrix(), atol=1e-5
         )
+
+
+def test_a_tag_that_is_in_one_picture_twice_is_named() -> None:
+    """Two prints of one tag ended as a map that had not settled, without a word of the tag."""
+    rng = np.random.default_rng(5)
+    pictures = photographed(wall(rng), rng)
+    twice = replace(pictures[0], tags=(*pictures[0].tags, pictures[0].tags[0]))
+    with pytest.raises(
+        AdjustmentError, match=r"view_0: tag \d is there 2 times; every tag of a map has an id"
+    ):
+        map_tags([twice, *pictures[1:]], LENS, TAG_SIZE)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -7,8 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
+from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.photographs.picture_files import PictureError, picture_files, read_picture, read_pictures
 from msrr_perception.photographs.tag_finder import TagFinder
+from msrr_perception.photographs.tagged_pictures import picture_names, tagged_pictures
+from msrr_scenes.geometry.lens import Lens
+from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.messages import Pixels
 
 #: EXIF block of a JPEG that says: turn by 90 degrees (orientation 6).
@@ -87,6 +92,43 @@ def test_pictures_of_a_folder_are_in_the_order_of_their_numbers(tmp_path: Path, 
         cv2.imwrite(str(tmp_path / name), two_tags)
     found = [file.name for file in picture_files([tmp_path])]
     assert found == ["a2.png", "a10.png", "a10b.png", "b.png", "b01.png", "b1.png", "b2_9.png", "b2_10.png"]
+
+
+def test_one_hot_pixel_of_a_deep_picture_hides_no_tag(tmp_path: Path, two_tags: Pixels) -> None:
+    deep = two_tags.astype(np.uint16) * 4
+    deep[3, 5] = 65535
+    pixels = read_picture(_write(tmp_path, "deep.png", deep))
+    assert [found.tag.tag_id for found in TagFinder().find(pixels)] == [3, 7]
+
+
+def test_a_name_that_is_no_text_is_refused_before_the_work(tmp_path: Path) -> None:
+    """Drawing it killed the program, and a table could not hold it."""
+    (tmp_path / os.fsdecode(b"\xff.png")).touch()
+    with pytest.raises(
+        PictureError, match=r"\ufffd.png: the name of this file is not in UTF-8; give it another"
+    ):
+        picture_files([tmp_path])
+
+
+def test_names_are_as_long_as_they_have_to_be() -> None:
+    """Pictures of two folders of one name were taken for one picture, and the map was wrong by 0.1 m."""
+    files = [
+        Path(name) for name in ("s/cam/0.png", "t/cam/0.png", "t/cam/0.jpg", "t/cam/1.png", "/t/cam/2.png")
+    ]
+    names = picture_names(files)
+    assert list(map(names.get, files)) == ["s/cam/0.png", "t/cam/0.png", "cam/0.jpg", "1", "2"]
+
+
+def test_a_picture_that_is_there_twice_is_used_once(tmp_path: Path, two_tags: Pixels) -> None:
+    other = np.asarray(255 - two_tags, dtype=np.uint8)
+    files = [
+        _write(tmp_path, name, p) for name, p in (("a.png", two_tags), ("b.bmp", other), ("c.png", two_tags))
+    ]
+    lens = Lens(PinholeCamera(two_tags.shape[1], two_tags.shape[0], 200.0))
+    repeated: list[tuple[str, str]] = []
+    pictures = list(tagged_pictures(files, PupilDetector(), lens, lambda *names: repeated.append(names)))
+    assert [picture.name for picture in pictures] == ["a", "b"]
+    assert repeated == [(str(files[2]), str(files[0]))]
 
 
 def test_every_frame_of_a_film_is_read_under_its_number(tmp_path: Path, two_tags: Pixels) -> None:
