@@ -107,7 +107,7 @@ def detect(
     if work.pictures:
         console.print(_table(work.pictures))
         console.print(_summary(work), highlight=False)
-        if not any(picture.tags for picture in work.pictures):
+        if not work.library_tags and not any(picture.tags for picture in work.pictures):
             searched = ", ".join(reader.families)
             console.print(f"no tag of {searched} was found; --family names another family", highlight=False)
     if stopped is not None:
@@ -262,7 +262,7 @@ def _detection(found: FoundTag, poses: Sequence[TagPose], scale: float) -> dict[
         "margin": tag.decision_margin,
         "hamming": tag.hamming,
         "refined": found.refined,
-        "sharpened": found.second,
+        "search": found.search,
         "poses": [
             {
                 "R_CT": pose.X_CT.R.tolist(),

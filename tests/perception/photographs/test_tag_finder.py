@@ -16,7 +16,7 @@ from msrr_scenes.specs.tag_families import FAMILIES
 
 def test_corners_are_those_of_the_picture(two_tags: Pixels, squares: dict[int, np.ndarray]) -> None:
     for found in TagFinder().find(two_tags):
-        assert (found.family, found.refined, found.second) == ("tag36h11", True, False)
+        assert (found.family, found.refined, found.search) == ("tag36h11", True, "plain")
         assert np.abs(found.tag.corners - squares[found.tag.tag_id]).max() < 0.06
 
 
@@ -30,10 +30,19 @@ def test_blurred_tags_that_one_search_misses_are_found_by_two(
     window = Window(0, 0, blurred.shape[1], blurred.shape[0])
     assert PupilDetector(refine=False).detect(blurred, window) == ()
     found = TagFinder().find(blurred)
-    assert [(f.tag.tag_id, f.second) for f in found] == [(3, True), (7, True)]
+    assert [(f.tag.tag_id, f.search) for f in found] == [(3, "sharpened"), (7, "sharpened")]
     for f in found:
         right = 0.5 * (squares[f.tag.tag_id] + 0.5) - 0.5
         assert np.abs(f.tag.corners - right).max() < 2.0
+
+
+def test_large_tags_that_are_out_of_focus_are_found(two_tags: Pixels, squares: dict[int, np.ndarray]) -> None:
+    """Tags of 500 px, blurred by 6 px: the library finds them at half the resolution, and we did not."""
+    large = cv2.GaussianBlur(cv2.resize(two_tags, None, fx=8.0, fy=8.0), (0, 0), 6.0)
+    found = TagFinder().find(np.asarray(large, dtype=np.uint8))
+    assert [(f.tag.tag_id, f.search) for f in found] == [(3, "coarse"), (7, "coarse")]
+    for f in found:
+        assert np.abs(f.tag.corners - (8.0 * (squares[f.tag.tag_id] + 0.5) - 0.5)).max() < 5.0
 
 
 @pytest.mark.parametrize(
