@@ -64,6 +64,7 @@ def perceive(
     The exit code is 2 if parts cannot be read.
     """
     from msrr_bullet.recordings.run import Options, perceive
+    from msrr_bullet.run_folder import RUN_FILES
     from msrr_scenes.loading.calibration_file import read_calibration
 
     told = None if calibration is None else read_calibration(calibration)
@@ -91,7 +92,7 @@ def perceive(
         report_error(text, BAD_INPUT)
     for line in _lines(result):
         typer.echo(line)
-    typer.echo(f"{out}: trial.mcap, result.json, replay.html, picture.png")
+    typer.echo(f"{out}: {', '.join(name for name in RUN_FILES if (out / name).exists())}")
     raise typer.Exit(BAD_INPUT if result.unusable or result.cut_off else 0)
 
 
@@ -124,10 +125,16 @@ def _lines(result: RecordingResult) -> list[str]:
 
 def _why_none(result: RecordingResult) -> str:
     """Return why there is no estimate, and what to do about it."""
+    if not result.frames:
+        return "no frame could be read"
     if result.unusable == result.frames:
         return "no frame could be used"
     if result.with_target:
-        return "nowhere did tags of the target determine a pose"
+        return (
+            "the tags of the target agree with no pose of a robot on a flat floor; check robot.camera (z_m, "
+            "and pitch_deg, which is positive where the camera looks down), marker.dock.z_m, the size of the "
+            "tags and the calibration"
+        )
     wanted = ", ".join(map(str, result.target_tags))
     if not result.tags:
         return f"no tag was found; the target has {wanted}"

@@ -24,6 +24,12 @@ _ENCODINGS: dict[str, tuple[str, int, int | None]] = {
     "bgr8": ("u1", 3, cv2.COLOR_BGR2GRAY),
     "rgba8": ("u1", 4, cv2.COLOR_RGBA2GRAY),
     "bgra8": ("u1", 4, cv2.COLOR_BGRA2GRAY),
+    "rgb16": ("u2", 3, cv2.COLOR_RGB2GRAY),
+    "bgr16": ("u2", 3, cv2.COLOR_BGR2GRAY),
+    "uyvy": ("u1", 2, cv2.COLOR_YUV2GRAY_UYVY),
+    "yuv422": ("u1", 2, cv2.COLOR_YUV2GRAY_UYVY),
+    "yuyv": ("u1", 2, cv2.COLOR_YUV2GRAY_YUY2),
+    "yuv422_yuy2": ("u1", 2, cv2.COLOR_YUV2GRAY_YUY2),
     "bayer_rggb8": ("u1", 1, cv2.COLOR_BayerRGGB2GRAY),
     "bayer_bggr8": ("u1", 1, cv2.COLOR_BayerBGGR2GRAY),
     "bayer_gbrg8": ("u1", 1, cv2.COLOR_BayerGBRG2GRAY),
@@ -54,14 +60,14 @@ def _pixels(message: Any, name: str) -> Pixels:
         return decoded_picture(data, name)
     known = _ENCODINGS.get(message.encoding)
     if known is None:
-        text = f"an image in the encoding {message.encoding!r:.40}; known are {', '.join(_ENCODINGS)}"
-        raise PictureError(f"{name}: {text}")
+        text = f"an image in the encoding {message.encoding!r:.40}; convert it to one of"
+        raise PictureError(f"{name}: {text} {', '.join(_ENCODINGS)}")
     kind, channels, conversion = known
     stored = np.dtype(f"{'>' if getattr(message, 'is_bigendian', 0) else '<'}{kind}")
     rows = _rows(data, message, stored, channels, name)
     if conversion is None:
         return mono8(rows, name)
-    return mono8(np.asarray(cv2.cvtColor(rows.astype(np.uint8), conversion)), name)
+    return mono8(np.asarray(cv2.cvtColor(np.asarray(rows), conversion)), name)
 
 
 def _bytes(data: Any, name: str) -> Pixels:

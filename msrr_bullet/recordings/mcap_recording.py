@@ -99,7 +99,11 @@ def open_mcap(
     if chosen.calibration is not None:
         calibration = partial(_read_calibration, path, chosen.calibration, _is_rectified(chosen.images))
     source = f"{path}, {' and '.join(chosen.all())}"
-    return Recording(source, items, calibration, chosen.odometry is not None, start_ns)
+    unread = ""
+    if chosen.odometry is None and odometry != NONE and joints is None:
+        unread = ", ".join(sorted(t for t, schema in schemas.items() if schema == JOINT_STATE))
+        unread = unread and f"the joint states on {unread} are read if the target file has robot.wheel_joints"
+    return Recording(source, items, calibration, chosen.odometry is not None, start_ns, unread=unread)
 
 
 def _chosen(
@@ -193,7 +197,7 @@ def _stamp(path: Path, found: DecodedMessage) -> int:
         apart_s = 1e-9 * (found.log_ns - stamp_ns)
         raise RecordingError(
             f"{path}: {found.topic}: its stamps are {apart_s:.1f} s before their recording; with clocks that "
-            "far apart nobody knows what belongs together"
+            "far apart nobody knows what belongs together; record with clocks that agree, or stamp it anew"
         )
     return stamp_ns
 

@@ -72,6 +72,7 @@ class Recording:
         has_odometry: Whether it holds wheel readings.
         start_ns: Time on the clock of the recording that is 0 here.
         has_times: Whether it says itself when its frames were exposed.
+        unread: What else it says of the wheels, and how that would be read; empty for nothing.
     """
 
     source: str
@@ -80,6 +81,7 @@ class Recording:
     has_odometry: bool = False
     start_ns: int = 0
     has_times: bool = True
+    unread: str = ""
 
 
 @dataclass(frozen=True, slots=True, order=True)

@@ -39,6 +39,7 @@ from msrr_bullet.timeline.log_snapshots import read_events, read_snapshots
 from msrr_bullet.trial.versions import trial_versions
 from msrr_bullet.viewer.replay_page import write_replay
 from msrr_perception.estimation.motion_noise import MotionNoise
+from msrr_perception.photographs.picture_files import FILMS, PICTURES
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.loading.target_file import read_target, target_scene
@@ -114,9 +115,10 @@ def perceive(
 
 
 def _would_delete(out: Path, path: Path) -> bool:
-    """Return whether a new run in a folder would replace the recording that it is made of."""
+    """Return whether a new run in a folder would replace the recording that it is made of, or add to it."""
     source = path.resolve()
-    return out.resolve() == (source.parent if source.name in RUN_FILES else source)
+    inside = source.name in RUN_FILES or source.suffix.lower() in PICTURES + FILMS
+    return out.resolve() == (source.parent if inside else source)
 
 
 def _opened(path: Path, spec: TargetSpec, target: Path, options: Options) -> Recording:
@@ -194,7 +196,8 @@ def _run(
     assumed: tuple[str, ...] = ()
     if not recording.has_odometry:
         period_s = frame_period_s(recording) or 1.0 / scene.cameras.onboard.rate_hz
-        motion, assumed = random_walk(spec.robot, period_s), (assumption(spec.robot, period_s),)
+        motion, text = random_walk(spec.robot, period_s), assumption(spec.robot, period_s)
+        assumed = (f"{text}; {recording.unread}" if recording.unread else text,)
     if str(spec.as_built) == "perfect":
         assumed = (*assumed, _PERFECT)
     perceiver = Perceiver(scene, recorder, unusable, motion)

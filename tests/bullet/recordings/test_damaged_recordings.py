@@ -133,7 +133,7 @@ def test_messages_that_are_no_images_are_named_each(trial: Trial, tmp_path: Path
         {"format": "png"},
         {"data": good[:2000]},
         {"data": good, **raw},
-        {"data": good, **raw, "encoding": "yuv422"},
+        {"data": good, **raw, "encoding": "yuv444"},
         {"data": good, **raw, "step": "wide"},
     ]
     path = tmp_path / "odd.mcap"

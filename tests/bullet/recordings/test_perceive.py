@@ -192,6 +192,16 @@ def test_odometry_that_never_tells_of_the_wheels_is_not_taken_for_a_robot_that_s
         perceive(path, target)
 
 
+def test_joint_states_that_are_not_read_are_named(trial: Trial, tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    write_ros2(path, trial.frames()[:2], trial.wheels())
+    (assumed, *_) = perceive(path, trial.target).assumptions
+    assert assumed.startswith("no odometry")
+    assert assumed.endswith(
+        "the joint states on /joint_states are read if the target file has robot.wheel_joints"
+    )
+
+
 def test_a_lossless_film_without_odometry_agrees_within_its_covariance(trial: Trial, tmp_path: Path) -> None:
     """The robot is taken to move at random, and it moves by less than its largest speed."""
     frames, path = trial.frames()[:6], tmp_path / "film.mkv"
@@ -239,6 +249,14 @@ def test_wheels_follow_from_the_pose_of_an_odometry() -> None:
         pose = SimpleNamespace(position=SimpleNamespace(x=X.x, y=X.y), orientation=q)
         angles = reader.angles(ODOMETRY, SimpleNamespace(pose=SimpleNamespace(pose=pose)))
     assert angles == pytest.approx(((0.4 - 0.065) / 0.033, (0.4 + 0.065) / 0.033), abs=1e-9)
+
+
+def test_a_run_is_not_put_among_the_pictures_of_a_recording(trial: Trial, tmp_path: Path) -> None:
+    """The next command would have taken ``picture.png`` for one of them."""
+    _, _, pixels = trial.frames()[0]
+    assert cv2.imwrite(str(tmp_path / "0.png"), pixels)
+    with pytest.raises(MsrrError, match="the recording is read from there; choose another --out"):
+        perceive(tmp_path / "0.png", trial.target, out=tmp_path)
 
 
 def test_a_recording_is_not_replaced_by_what_is_made_of_it(trial: Trial) -> None:
