@@ -10,6 +10,7 @@ import tempfile
 from pathlib import Path
 
 import cv2
+import matplotlib
 import numpy as np
 import pytest
 
@@ -129,8 +130,13 @@ def test_the_board_to_print_is_that_of_the_tutorial(tmp_path: Path, monkeypatch:
     page = (Path(__file__).resolve().parents[1] / "docs" / "how-to" / "calibration.md").read_text()
     (text,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(matplotlib.rcParams, "pdf.compression", 0)
     exec(compile(text.replace("board.pdf", "board.png"), "calibration.md", "exec"), {})
-    assert Path("marker.pdf").stat().st_size > 1000
+    placed = rb"([\d.]+) 0 0\s-([\d.]+) 0 [\d.]+ cm /I\d+ Do"  # width and height of an image in a PDF file
+    drawn_pt = re.findall(placed, Path("marker.pdf").read_bytes())
+    assert len(drawn_pt) == 3
+    # A tag of 40 mm with the margin around it. They were 39.9 or 40.1 mm wide, by the pixels of a screen.
+    np.testing.assert_allclose(25.4 / 72.0 * np.array(drawn_pt, dtype=float), 50.0, atol=1e-3)
     pixels = cv2.imread("board.png", cv2.IMREAD_GRAYSCALE)
     height, width = pixels.shape
     tags = sorted(PupilDetector().detect(pixels, Window(0, 0, width, height)), key=lambda tag: tag.tag_id)

@@ -33,6 +33,9 @@ PROGRAM_ERROR = 70
 #: Exit code after Ctrl-C.
 INTERRUPTED = 130
 
+#: How Python's message begins when links lead in a circle; behind it comes the path.
+_LOOP = "Symlink loop from "
+
 #: Time after which an interrupt that was lost in a callback is raised again [s].
 _RETRY_S = 0.1
 
@@ -80,6 +83,9 @@ class ExitCodeGroup(TyperGroup):
                 raise SystemExit(_reported(swallowed[0])) from None
             if hasattr(error, "exit_code"):  # typer's own exceptions: usage errors, and the end of a command
                 raise
+            if isinstance(error, RuntimeError) and str(error).startswith(_LOOP):  # of Path.resolve()
+                text = f"{str(error).removeprefix(_LOOP)}: a link that leads back to itself; name a file"
+                raise SystemExit(report_error(text, BAD_INPUT)) from None
             traceback.print_exc()
             text = "this is an error of the program; please report it with the lines above"
             raise SystemExit(report_error(text, PROGRAM_ERROR)) from None

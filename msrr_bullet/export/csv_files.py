@@ -31,7 +31,7 @@ _ABOUT_APPROACH = (
     "Belief beside truth at each decision: what `msrr plot` draws, derived from the tables above."
 )
 _APPROACH_COLUMNS = columns(
-    time_s="simulated time",
+    time_s="simulated time, or that of the recording",
     unit="name of the docking unit",
     attempt="number of the attempt, from 1",
     **PHASE,

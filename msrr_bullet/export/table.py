@@ -26,7 +26,7 @@ def one_of(kind: type[Enum]) -> str:
 
 
 #: Names and meanings of columns that several tables have; :func:`pose`, :func:`sigma`, ... give their cells.
-TIME = {"time_s": "simulated time at which the message was sent or arrived"}
+TIME = {"time_s": "time, simulated or of the recording, at which the message was sent or arrived"}
 UNIT = {**TIME, "unit": "name of the unit, or base_station"}
 STAMP = {"stamp_s": "time to which the values refer"}
 PHASE = {"phase": f"phase of the docking step: {one_of(Phase)}"}

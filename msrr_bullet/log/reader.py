@@ -212,7 +212,10 @@ def read_log(path: str | Path) -> Log:
         elif isinstance(record, Channel):
             break  # the header comes before the first message
     if metadata is None:
-        raise LogError(f"{path}: this file has no header of a trial; was it written by `msrr dock`?")
+        raise LogError(
+            f"{path}: this file has no header of a trial; was it written by `msrr dock`, or by "
+            "`msrr perceive` for a recording?"
+        )
     try:
         return Log(path, LogHeader.from_metadata(metadata, files), complete)
     except LogError as error:

@@ -30,6 +30,9 @@ _MODEL = "plumb_bob"
 #: Mark of YAML 1.0 in the form of OpenCV, which no YAML reader accepts, and its tags of matrices.
 _HEADER, _TAGS = "%YAML:1.0", ("!!opencv-matrix", "!!opencv-nd-matrix")
 
+#: How other files begin that hold a calibration: XML of OpenCV, and ``ost.txt`` of ROS.
+_NO_YAML = ("<?xml", "# oST")
+
 #: What ROS prints after each message.
 _END = "\n---"
 
@@ -72,6 +75,10 @@ def read_calibration(path: Path) -> CalibrationSpec:
         SceneError: The file cannot be read, is not such a file, or describes another model of a lens.
     """
     text = read_text(path).removeprefix(_HEADER)
+    if text.lstrip().startswith(_NO_YAML):
+        raise SceneError(
+            f"{path}: a calibration of OpenCV or ROS is read as YAML or JSON; save it as camera.yaml"
+        )
     for tag in _TAGS:
         text = text.replace(tag, "")
     document = parse_document(text.rstrip().removesuffix(_END), str(path))

@@ -208,3 +208,10 @@ def test_a_reader_that_goes_away_is_no_error() -> None:
     assert process.stderr.read() == b""
     process.stderr.close()
     process.wait(timeout=30)
+
+
+def test_a_link_that_leads_back_to_itself_is_bad_input(tmp_path: Path, capsys: Capture) -> None:
+    (tmp_path / "loop.png").symlink_to("loop.png")
+    assert run(["detect", str(tmp_path / "loop.png"), "--json", str(tmp_path / "tags.json")]) == 2
+    said = capsys.readouterr().err
+    assert said == f"msrr: '{tmp_path / 'loop.png'}': a link that leads back to itself; name a file\n"
