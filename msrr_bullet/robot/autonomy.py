@@ -11,6 +11,7 @@ from typing import Any
 from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
 from msrr_bullet.robot.drive_feed_forward import DriveFeedForward
+from msrr_bullet.robot.drive_watch import DriveWatch
 from msrr_bullet.robot.overhead_localizer import OverheadLocalizer, OverheadReader
 from msrr_bullet.robot.wheel_speed import WheelSpeed
 from msrr_control.docking.controller import build_controller
@@ -134,6 +135,8 @@ class Autonomy:
             self._assembler = build_assembler(scene.control.assembly, AssemblySetup.of(scene, step))
             self.guard = CollisionMonitor(scene, step.unit, step, scene.docks_before(step))
         controller = build_controller(scene.control.docking, setup)
+        # One that a base station leads is watched from one route to the next.
+        self._drive_watch = DriveWatch(scene.geometry(step.unit)) if guided is None else None
         self._phases = PhaseMachine(
             scene.docking, setup, controller, self._assembler, docked=docked, calibrate=step.calibrate
         )
@@ -154,7 +157,8 @@ class Autonomy:
     @property
     def belief(self) -> Belief:
         """Belief of the robot about the outcome of the step."""
-        return self._phases.belief
+        seized = None if self._drive_watch is None else self._drive_watch.belief
+        return seized or self._phases.belief
 
     @property
     def assembly(self) -> AssemblyProgress | None:
@@ -210,6 +214,8 @@ class Autonomy:
             case WheelOdometry():
                 self._estimator.add_odometry(message)
                 self._speed.add(message)
+                if self._drive_watch is not None:
+                    self._drive_watch.read(message)
             case Detections() if message.exposure.camera == self._onboard:
                 self._estimator.add_detections(message)
                 self._los_estimator.add_detections(message)
@@ -257,7 +263,8 @@ class Autonomy:
                 part.reset()
         if self._reader is not None and action.phase is Phase.RETREAT and before is not Phase.RETREAT:
             self._reader.restart_search()  # an obstacle may have appeared behind the unit
-        return self._feed_forward.apply(self._limit_by_clearance(action))
+        action = self._feed_forward.apply(self._limit_by_clearance(action))
+        return action if self._drive_watch is None else self._drive_watch.judge(action)
 
     def _learn_seat(self) -> None:
         """Keep what the unit has learned, now that it is docked; estimators of a user's own keep nothing."""

@@ -196,8 +196,9 @@ class Coordinator:
         try:
             tasks, wanted = siting.choose(units, self._dispatcher.obstacles)
         except SceneError as error:
-            missing = f"; not seen: {', '.join(unseen)}" if unseen else ""
-            self._end(MissionState.INCOMPLETE, f"{error}{missing}")
+            missing = [f"not seen: {', '.join(unseen)}"] if unseen else []
+            out = [f"{unit.name}: {unit.reason}" for unit in units if unit.out_of_action]
+            self._end(MissionState.INCOMPLETE, "; ".join([str(error), *missing, *out]))
             return
         self._tasks, self._dispatcher.wanted = TaskList(tasks), wanted
         for unit in units:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from msrr_control.coordination.interlock import Interlock, clear_of_tracks
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.route_request import RouteRequest
+from msrr_control.coordination.target_place import place_of_target
 from msrr_control.coordination.task_ends import TaskEnds
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.coordination.tasks import Task, TaskKind
@@ -122,6 +124,8 @@ class Dispatcher:
         enters = self.ends.port_of(task)
         if enters is None and task.kind is TaskKind.DOCK:
             return False
+        if enters is not None and self._moves_target(self._units[enters[0]], tasks, now_ns):
+            return True
         if not self._grant(unit, X_WE, enters, now_ns):
             return False
         unit.task = task.name
@@ -186,7 +190,10 @@ class Dispatcher:
     # Making way.
 
     def _make_way(self, tasks: TaskList, now_ns: int) -> bool:
-        """Send one idle unit out of the way of the first task that has no route; return whether one goes."""
+        """Send one idle unit out of the way of the first task that has no route; return whether one goes.
+
+        One that stands in nobody's lane is sent away only where that helps.
+        """
         for task in tasks.ready():
             assigned = self.assignment(tasks).get(task.name)
             lanes = self.ends.lanes_of(task, tasks, assigned)
@@ -195,20 +202,52 @@ class Dispatcher:
             idle = [unit for unit in self._idle() if unit.evasions < _EVASIONS]
             if task.kind is not TaskKind.MOVE and any(self._stays_closed(X_WE) for X_WE in lanes):
                 continue
+            enters = self.ends.port_of(task)
+            partners = (assigned, None if enters is None else enters[0])
             in_the_way = [
                 unit
                 for unit in idle
-                if unit.name != assigned
+                if unit.name not in partners
                 and any(self._know.lanes.closed_by(X_WE, unit.pose) for X_WE in lanes)
             ]
             own = [unit for unit in idle if unit.name == assigned]
             X_WE = lanes[0]
             away = {u.name: math.hypot(u.pose.x - X_WE.x, u.pose.y - X_WE.y) for u in idle}
-            rest = [unit for unit in idle if unit not in in_the_way and unit not in own]
+            rest = [unit for unit in idle if unit not in in_the_way and unit.name not in partners]
+            if assigned is not None and not self._reaches(self._units[assigned], task, tasks):
+                rest = []
             for unit in [*in_the_way, *own, *sorted(rest, key=lambda u: away[u.name])]:
                 if self._evade(unit, tasks, now_ns):
                     return True
         return False
+
+    def _moves_target(self, target: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
+        """Send a unit that stands free to where its ports can be reached; return whether it goes.
+
+        That has to be before the first unit docks to it.
+        """
+        docks = [t for t in tasks.open if t.kind is TaskKind.DOCK and t.parent_unit == target.name]
+        carries = any(target.name == port[0] for unit in self._units.values() for port in unit.docks)
+        idle = target in self._idle() and target.evasions < _EVASIONS
+        if not docks or carries or not idle:
+            return False
+        if all(t.unit is None or self._reaches(self._units[t.unit], t, tasks) for t in docks):
+            return False
+        X_WR = place_of_target(target, tasks.open, self._units, self._know, self.obstacles)
+        if X_WR is None or not self._grant(target, X_WR, None, now_ns):
+            return False
+        target.task, target.evasions = None, target.evasions + 1
+        target.reason = "goes where its ports can be reached"
+        return True
+
+    def _reaches(self, unit: UnitRecord, task: Task, tasks: TaskList) -> bool:
+        """Return whether a unit would reach the end of a task if it were alone with what it docks to."""
+        X_WE, enters = self.ends.pose_of(task, tasks), self.ends.port_of(task)
+        if X_WE is None or unit.X_WU is None:
+            return True  # nobody knows
+        request = self._request(unit, X_WE, enters)
+        kept = [s for s in request.standing if s.name in (request.leaves, request.enters)]
+        return self._know.finder.find(replace(request, standing=kept)) is not None
 
     def _stays_closed(self, X_WE: SE2) -> bool:
         """Return whether an obstacle, or a unit that failed, stands in the lane of a docked pose."""

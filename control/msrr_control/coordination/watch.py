@@ -30,7 +30,9 @@ class Watch:
             return report.mode is UnitMode.DOCKED and unit.holder == unit.enters
         if unit.seen_ns < unit.moved_ns and seconds(now_ns - unit.moved_ns) < self._patience.unseen_s:
             return False  # a look will tell
-        return report.mode is UnitMode.STANDING and unit.progress >= track.length - SAME_M
+        # Of a turn that is hardly longer than that, something has to be driven.
+        off = min(SAME_M, 0.5 * track.length)
+        return report.mode is UnitMode.STANDING and unit.progress >= track.length - off
 
     def is_at_end(self, unit: UnitRecord) -> bool:
         """Return whether a unit that has driven its route stands where it ends."""

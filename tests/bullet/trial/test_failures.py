@@ -90,8 +90,10 @@ def test_a_shape_is_built_elsewhere_when_an_obstacle_comes_into_the_lane(
 
 
 @pytest.mark.parametrize("led", [True, False])
-def test_a_unit_whose_lane_is_closed_says_why_it_cannot_dock(led: bool, tmp_path: Path) -> None:
-    """A plan leaves no other port."""
+def test_a_lane_that_is_closed_has_the_target_go_elsewhere_if_somebody_leads_it(
+    led: bool, tmp_path: Path
+) -> None:
+    """A plan leaves no other port, and a unit on its own can only say why it cannot dock."""
     text = "".join(
         line for line in PAIR.splitlines(keepends=True) if not line.startswith(("  c:", "faults", "shape"))
     )
@@ -99,11 +101,14 @@ def test_a_unit_whose_lane_is_closed_says_why_it_cannot_dock(led: bool, tmp_path
     (tmp_path / "pair.yaml").write_text(text + "radio: {}\n" * led)
     blind = {"plant": "unicycle", "perception": "parametric"}
     result = run_trial(load_scene(tmp_path / "pair.yaml", blind), 1)
-    assert result.outcome is (Outcome.INCOMPLETE if led else Outcome.BLOCKED)
     assert not BAD & {step.outcome for step in result.steps}
-    told = reason(result) if led else result.steps[0].belief_reason
-    assert "post stands in the lane to the port" in told
-    assert [step.outcome for step in result.steps] == [Outcome.ABORTED if led else Outcome.BLOCKED]
+    outcomes = [step.outcome for step in result.steps]
+    if led:
+        assert (result.outcome, outcomes) == (Outcome.COMPLETE, [Outcome.ABORTED, Outcome.DOCKED])
+        assert untouched(result)
+    else:
+        assert (result.outcome, outcomes) == (Outcome.BLOCKED, [Outcome.BLOCKED])
+        assert "post stands in the lane to the port" in result.steps[0].belief_reason
     assert len(result.steps[0].attempts) == 2
 
 
@@ -168,3 +173,12 @@ def test_a_unit_docks_by_what_it_sees_where_an_encoder_is_stuck(
     told = [event.text for _, event in read_log(tmp_path / "run").messages(Event, topics.EVENTS)]
     wrong = seen.without_wheels + seen.rejected
     assert any(text.startswith(f"{wrong} of {seen.total} exposures of the onboard") for text in told)
+
+
+def test_a_unit_on_its_own_knows_that_its_drive_has_seized(shipped: Callable[..., Scene]) -> None:
+    """It looked for one path after the other for a minute, and said that it was blocked."""
+    fault = {"faults": "[{kind: unit_seized, unit: a, from_s: 5}]"}
+    result = run_trial(shipped("two_units", fault, blind=True), 0)
+    (step,) = result.steps
+    assert (step.outcome, step.belief_reason[:22]) == (Outcome.GAVE_UP, "the drive has seized: ")
+    assert step.ended_s < 12.0

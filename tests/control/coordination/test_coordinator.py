@@ -14,14 +14,23 @@ from typing import Any, get_args
 import pytest
 
 from msrr_control.coordination.knowledge import Knowledge
-from msrr_control.coordination.mission import Mission
+from msrr_control.coordination.ledger import SAME_M, UnitRecord
+from msrr_control.coordination.mission import Mission, Patience
 from msrr_control.coordination.reconfiguration import shape_ports
 from msrr_control.coordination.route_finder import RouteFinder, RouteParams
 from msrr_control.coordination.shape import Shape, build_pattern
 from msrr_control.coordination.tasks import plan_tasks
+from msrr_control.coordination.track import TrackBuilder
+from msrr_control.coordination.watch import Watch
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages.coordination import LegKind, MissionState, UnitMode, UnitState
+from msrr_scenes.messages.coordination import (
+    LegKind,
+    MissionState,
+    UnitMode,
+    UnitReport,
+    UnitState,
+)
 from msrr_scenes.specs.control import DockingSpec
 from msrr_scenes.specs.mission import Pattern, RadioSpec
 from msrr_scenes.specs.plan import DockStep, MoveStep, UndockStep
@@ -525,3 +534,47 @@ def _run_until(run: Rig, happened: Callable[[], bool]) -> None:
     while not happened():
         assert run.now_ns < 100e9
         run.step()
+
+
+@pytest.mark.parametrize(
+    ("steps", "b"),
+    [
+        ([DockStep(unit="a", to="b.rear")], SE2(-1.7, 0.0, 0.0)),
+        # The second port is the one that nobody can reach, and after the first dock `b` drives no more.
+        ([DockStep(unit="a", to="b.rear"), DockStep(unit="c", to="b.left")], SE2(0.0, 1.2, 0.0)),
+        # Nor would `c` reach the port of `a`, once that is docked.
+        ([DockStep(unit="a", to="b.right"), DockStep(unit="c", to="a.rear")], SE2(0.0, -0.7, 0.0)),
+    ],
+)
+def test_a_target_goes_where_all_its_ports_can_be_reached(
+    steps: list[DockStep], b: SE2, rig: type[Rig]
+) -> None:
+    """The border is in front of a port: units went to and fro between waiting places, and gave up."""
+    run = rig(Mission(steps=steps), {"a": SE2(1.2, 0.5, 2.0), "b": b, "c": SE2(1.2, -0.6, 1.0)})
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.joints == {step.unit: step.to for step in steps}
+    assert run.units["b"].route == 1
+
+
+def test_a_target_that_the_plan_has_sent_too_near_to_the_border_is_sent_on(rig: type[Rig]) -> None:
+    """The only other way would be to give up."""
+    steps = [MoveStep(move="b", name="away", pose=PoseSpec(x_m=-1.55)), DockStep(unit="a", to="b.rear")]
+    starts = {"a": SE2(1.2, 0.5, 2.0), "b": SE2(0.0, 0.0, 0.0), "c": SE2(1.2, -0.6, 1.0)}
+    run = rig(Mission(steps=steps), starts)
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.units["b"].route == 2
+    assert run.units["c"].route == 0, "it is in nobody's way"
+
+
+def test_a_turn_that_nobody_has_driven_is_not_over(knowledge: Knowledge) -> None:
+    """One of 13 mm at the wheels counted as driven, and was granted and counted anew every 0.2 s."""
+    builder = TrackBuilder(SE2(), knowledge.lanes.body.offset)
+    builder.turn_to(0.1)
+    unit = UnitRecord("a", SE2(), state=UnitState.UNDER_WAY, track=builder.track(), seen_ns=1)
+    assert 0.0 < builder.track().length < SAME_M
+    for progress, arrived in ((0.0, False), (builder.track().length, True)):
+        unit.progress = progress
+        unit.report = UnitReport("a", 1, 1, 0, progress, UnitMode.STANDING, None)
+        assert Watch(Patience()).has_arrived(unit, 1) is arrived

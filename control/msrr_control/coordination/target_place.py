@@ -1,0 +1,69 @@
+"""Where a unit that stands free has to stand, so that others can reach its ports.
+
+A shape is built where it fits. A plan names the ports, and its units stand wherever they are: in front of a
+port there may be the border of the arena, or an obstacle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from msrr_control.coordination.embedding import embedding
+from msrr_control.coordination.knowledge import Knowledge
+from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.shape import Place, Shape
+from msrr_control.coordination.tasks import Task, TaskKind
+from msrr_scenes.geometry.se2 import SE2, wrap_angle
+from msrr_scenes.messages import ObstacleEstimate
+
+#: Distance and angle up to which a place is that where the unit stands [m, rad].
+_SAME_M, _SAME_RAD = 0.05, 0.1
+
+
+def place_of_target(
+    target: UnitRecord,
+    tasks: Sequence[Task],
+    units: Mapping[str, UnitRecord],
+    know: Knowledge,
+    obstacles: Sequence[ObstacleEstimate],
+) -> SE2 | None:
+    """Return where the target of some tasks has to stand; None if that is where it is, or nowhere.
+
+    Args:
+        target: Unit that carries nobody.
+        tasks: Tasks that are open.
+        units: All units.
+        know: Lanes of the units, and the arena.
+        obstacles: Obstacles that have been seen.
+    """
+    shape = _tree(target.name, tasks)
+    there = {place.name: units[place.name] for place in shape.places}
+    if any(unit.X_WU is None for unit in there.values()):
+        return None
+    lanes = know.lanes
+    keep_out = [
+        (unit.pose.x, unit.pose.y, lanes.body.radius)
+        for unit in units.values()
+        if unit.X_WU is not None and unit.name not in there
+    ]
+    keep_out += [(obstacle.X_WB.x, obstacle.X_WB.y, obstacle.radius) for obstacle in obstacles]
+    poses = {name: unit.pose for name, unit in there.items()}
+    found = embedding(shape, poses, lanes, know.finder.box, know.travel, named=True, keep_out=keep_out)
+    if found is None:
+        return None
+    off = target.pose.inverse() @ found.X_WR
+    stays = math.hypot(off.x, off.y) < _SAME_M and abs(wrap_angle(off.yaw)) < _SAME_RAD
+    return None if stays else found.X_WR
+
+
+def _tree(root: str, tasks: Sequence[Task]) -> Shape:
+    """Return the shape of all that is to dock to a unit, and to what docks to it."""
+    places = [Place(root)]
+    for place in places:  # the list grows while it is walked
+        for task in tasks:
+            taken = {p.name for p in places}
+            docks = task.kind is TaskKind.DOCK and task.parent_unit == place.name
+            if docks and task.unit is not None and task.unit not in taken:
+                places.append(Place(task.unit, place.name, task.port))
+    return Shape(tuple(places))
