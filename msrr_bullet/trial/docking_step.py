@@ -189,6 +189,10 @@ class DockingStep:
         time_left_ns = self._deadline_ns - plant.now_ns()
         if self._scene.plant == "bullet" and time_left_ns < duration_ns(self._scene.lock.pull_time_s):
             self.outcome = Outcome.TIMEOUT
+            self.verdict_reason = (
+                f"the pull test of {self._scene.lock.pull_time_s:g} s does not fit into the "
+                f"{seconds(time_left_ns):.1f} s that are left of the time limit"
+            )
             return
         self._pull_test_passed = plant.lock_engaged(self.step.unit) and plant.pull_test(self.step.unit).holds
         if self._pull_test_passed:

@@ -54,6 +54,7 @@ class DockSetup:
         limits: What the drive can do.
         rate_hz: Control rate.
         link_latency_s: Time that a command takes to the drive.
+        close_time_s: Time that the lock takes to close.
 
     Raises:
         SceneError: The port does not lie ahead of the axle, or at contact the camera is beyond the
@@ -68,6 +69,7 @@ class DockSetup:
     limits: LimitsSpec
     rate_hz: float
     link_latency_s: float = 0.0
+    close_time_s: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.offset > 0.0:
@@ -105,6 +107,7 @@ class DockSetup:
             limits=scene.limits,
             rate_hz=scene.control.rate_hz,
             link_latency_s=1e-3 * scene.link.latency_ms,
+            close_time_s=scene.lock.close_time_s,
         )
 
 

@@ -88,7 +88,7 @@ class StateMemory:
         self.askew = HoldTimer()
         self.sigma_lateral = 0.0
         self._best, self._best_ns = math.inf, since_ns
-        self._frames, self._last_frame_ns = 0, since_ns
+        self.frames, self._last_frame_ns = 0, since_ns
 
     def lasted(self, now_ns: int) -> float:
         """Return the time [s] since the phase was entered."""
@@ -107,8 +107,8 @@ class StateMemory:
         """Count the frames exposed since the phase began that agree, from the last one that did not."""
         if exposed_ns > self._last_frame_ns:
             self._last_frame_ns = exposed_ns
-            self._frames = self._frames + 1 if agrees else 0
-        return self._frames
+            self.frames = self.frames + 1 if agrees else 0
+        return self.frames
 
 
 class Aim:

@@ -137,8 +137,9 @@ def lock(c: DockingContext) -> Twist | Transition:
     )
     if closed:
         return Transition(Phase.VERIFY, f"cam closed after {memory.lasted(c.now_ns):.2f} s")
-    if memory.lasted(c.now_ns) > tuning.latch_s:
-        return Transition.back_out(f"cam not closed in {tuning.latch_s:.1f} s", FailureReason.NOT_LATCHED)
+    longest = max(tuning.latch_s, c.setup.close_time_s + tuning.latch_margin_s)
+    if memory.lasted(c.now_ns) > longest:
+        return Transition.back_out(f"cam not closed in {longest:.1f} s", FailureReason.NOT_LATCHED)
     return STILL
 
 
@@ -162,6 +163,9 @@ def verify(c: DockingContext) -> Twist | Transition:
         off = None if view is None else off_seat(c, view)
         if off is not None and closed:
             seen += f": {off}. The seat is false, or camera or marker are off by more than their tolerances"
+        elif view is not None and closed:
+            frames = f"{c.memory.frames} of the {tuning.frames} frames"
+            seen += f" in {frames} for which docking.verify.time_s = {check.time_s:g} has to be enough"
         return Transition.back_out(f"locked, but {seen}", FailureReason.NOT_VERIFIED)
     return STILL
 

@@ -57,6 +57,7 @@ class PhaseTuning(Spec):
         progress_share: Share of the speed promised by the controller that the approach has to keep, on
             average over ``docking.stall_time_s``. Healthy approaches of all five laws keep 0.2 and more.
         latch_s: Time that the lock may take to report closed.
+        latch_margin_s: Time given to the lock beyond what it takes to close, if that is longer.
         unlatch_s: Time that the lock may take to report open before the unit backs out regardless.
         look_around_s: Time for which the unit waits for an overhead picture before it backs out regardless.
         frames: Number of frames in a row that have to agree at verification.
@@ -82,6 +83,7 @@ class PhaseTuning(Spec):
     progress_m: Length = 0.001
     progress_share: float = Field(default=0.1, ge=0.0, le=1.0)
     latch_s: Duration = 3.0
+    latch_margin_s: Duration = 1.0
     unlatch_s: Duration = 2.0
     look_around_s: Duration = 1.0
     frames: int = Field(default=3, ge=1, le=100)

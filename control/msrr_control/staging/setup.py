@@ -138,7 +138,7 @@ class AssemblySetup:
         if cruise_mps > 0.75 * self.limits.v_max_mps:
             raise SceneError(
                 f"control.assembly.params.pace.cruise_mps = {cruise_mps:g} leaves nothing to catch up with; "
-                f"at most three quarters of limits.v_max_mps, {0.75 * self.limits.v_max_mps:.2f}"
+                f"at most three quarters of limits.v_max_mps, {0.75 * self.limits.v_max_mps:g}"
             )
         for name, radius in self.obstacle_radius.items():
             if radius > widest_obstacle_m:

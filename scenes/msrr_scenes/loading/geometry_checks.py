@@ -56,15 +56,13 @@ def _too_near(scene: Scene, covered: Mapping[str, Array]) -> Iterator[Problem]:
     # Units that drive have moved by the time a late obstacle appears, so only the trial can check these.
     stays = set() if scene.coordinated else scene.units.keys() - {step.unit for step in scene.plan}
     late = {name for name, body in scene.obstacles.items() if body.appears_at_s > 0.0}
-    close_range = close_range_steps(scene)
-    docking = next(({s.unit, s.target_unit} for s in scene.docks[:1] if s.unit in close_range), set[str]())
     locked = {frozenset((dock.unit, dock.target_unit)) for dock in scene.assembled_docks}
     boxes = {name: (points.min(axis=0), points.max(axis=0)) for name, points in covered.items()}
     for a, b in itertools.combinations(covered, 2):
         moved = late & {a, b} and not {a, _root(scene, a)} <= stays  # a is a unit, if one of them is
         if moved or frozenset((a, b)) in locked:
             continue
-        free = {a, b} == docking or {a, b} <= scene.obstacles.keys()  # the judge does not measure these
+        free = {a, b} <= scene.obstacles.keys()  # the judge does not measure these
         least = 0.0 if free else scene.judge.min_clearance_m
         (a0, a1), (b0, b1) = boxes[a], boxes[b]
         if max((b0 - a1).max(), (a0 - b1).max()) > least:

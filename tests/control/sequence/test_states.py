@@ -491,6 +491,17 @@ def test_a_report_from_after_it_does(desk: Desk) -> None:
     assert desk.ask(desk.at(0.0), closed=True, lock=(LockPosition.CLOSED, desk.now_ns)).phase is Phase.VERIFY
 
 
+def test_a_lock_has_the_time_that_it_takes_to_close(facts: DockSetup) -> None:
+    """One that took more than 3 s was opened again, whatever its data sheet says."""
+    desk = Desk(replace(facts, close_time_s=4.0))
+    desk.to_lock()
+    began, action = desk.now_ns, None
+    while action is None or action.phase is Phase.LOCK:
+        action = desk.ask(desk.at(0.0), closed=True, lock=(LockPosition.CLOSING, desk.now_ns))
+    assert action.reason == "cam not closed in 5.0 s"
+    assert seconds(desk.now_ns - began) == pytest.approx(5.0, abs=0.05)
+
+
 # Verification: enough frames in a row, and only those exposed since.
 
 

@@ -20,6 +20,7 @@ from msrr_scenes.errors import SceneError
         ({"cameras.overhead": "null"}, "units.c.pose", "no camera sees this unit"),
         ({"cameras.overhead.x_m": "3"}, "units.c.pose", "out of the overhead view"),
         ({"units.a.pose.yaw_deg": "60"}, "units.a.pose", "turn it towards the port"),
+        ({"units.a.pose": "{frame: b.rear, x_m: -0.03}"}, "units.a.pose", "stands 0.012 m from 'b'"),
         ({"judge.min_clearance_m": "0.5"}, "obstacles.post.pose", "nearer than judge.min_clearance_m = 0.5"),
         (
             {"obstacles.post.pose": "{x_m: 0.4, y_m: -0.175}"},

@@ -1,0 +1,35 @@
+"""Pictures have to come often enough for what the phase machine waits for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pytest
+
+from msrr_control.sequence.feasibility import check_sight
+from msrr_scenes.errors import SceneError
+from msrr_scenes.loading.load import load_scene
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"cameras.onboard.rate_hz": "1.5"}, r"docking.lost_time_s: .* 1.5 Hz .* 0.707 s old; .* found 0.6"),
+        ({"cameras.onboard.latency_ms": "650"}, "docking.lost_time_s: .* come 650 ms late"),
+        ({"docking.lost_time_s": "0.08"}, "found 0.08"),
+        (
+            {"docking.verify.time_s": "0.15"},
+            r"docking.verify.time_s: 3 pictures .* takes 0.16 s .* found 0.15",
+        ),
+    ],
+)
+def test_pictures_that_come_too_seldom_are_refused(changes: Mapping[str, str], said: str) -> None:
+    """Units lost a port that every picture showed, and unlocked from one that they were seated in."""
+    with pytest.raises(SceneError, match=said):
+        check_sight(load_scene("close_range", changes))
+
+
+def test_a_seat_that_is_not_looked_at_needs_no_pictures() -> None:
+    check_sight(
+        load_scene("close_range", {"docking.verify.time_s": "0.01", "docking.verify.by_sight": "false"})
+    )
