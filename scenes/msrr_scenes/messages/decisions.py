@@ -94,10 +94,11 @@ class CollisionMonitorState:
         return self.state is not MonitorState.FREE
 
     def __str__(self) -> str:
-        """Return the body and its distance in words, such as ``28 mm to hub``."""
+        """Return in words how near a body is, such as ``28 mm to hub, 3 mm of it certain ahead``."""
         if self.body is None or self.clearance is None:
             return "no body near"
-        return f"{1e3 * self.clearance:.0f} mm to {self.body}"
+        certain = min(max(self.ahead, 0.0), self.clearance)
+        return f"{1e3 * self.clearance:.0f} mm to {self.body}, {1e3 * certain:.0f} mm of it certain ahead"
 
 
 @dataclass(frozen=True, slots=True)
