@@ -20,7 +20,7 @@ def unicycle_results() -> Reproduction:
     """A whole reproduction on unicycles with one trial and a map of four cells."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(unicycle_studies, "GAINS", (0.8, 6.0))
-        patch.setattr(unicycle_studies, "LATENCIES", (0.0, 0.1))
+        patch.setattr(unicycle_studies, "LATENCIES", (0.1,))
         patch.setattr(unicycle_studies, "TABLES", (STANDARD, HARD))
         patch.setattr("msrr_bullet.studies.ablations.SETTINGS", (STANDARD,))
         contenders = {
