@@ -1,19 +1,37 @@
-"""The check, before any trial, that the pictures come often enough for what the phase machine waits for."""
+"""The check, before any trial, that what a scene tells the phase machine can work at all."""
 
 from __future__ import annotations
 
+from msrr_control.docking.law import DockSetup
 from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.errors import SceneError
 from msrr_scenes.specs.scene import Scene
 
 
-def check_sight(scene: Scene) -> None:
-    """Refuse a scene whose units would take a port that they see for lost, or never see one for long enough.
+def check_sequence(scene: Scene) -> None:
+    """Refuse a scene whose units could not dock, or try again, whatever they see.
+
+    They would take a port that they see for lost, never see a seat for long enough, or not back out of
+    the port.
 
     Raises:
         SceneError: The message names the key and what it has to be.
+        GeometryError: A URDF lacks a frame, or the pins or holes, of a step.
     """
-    camera, docking, frames = scene.cameras.onboard, scene.docking, PhaseTuning().frames
+    tuning = PhaseTuning()
+    _check_sight(scene, tuning.frames)
+    for step in scene.docks:
+        least_m = DockSetup.of(scene, step).pin_reach + tuning.retreat.clear_m + tuning.arrived_m
+        if scene.docking.retreat_m < least_m:
+            raise SceneError(
+                f"docking.retreat_m: a unit has left {step.to} when it is {least_m:.3g} m away; raise it "
+                f"to that, found {scene.docking.retreat_m:g}"
+            )
+
+
+def _check_sight(scene: Scene, frames: int) -> None:
+    """Refuse a camera whose pictures come too late or too seldom."""
+    camera, docking = scene.cameras.onboard, scene.docking
     late_s, period_s = 1e-3 * camera.latency_ms, 1.0 / camera.rate_hz
     camera_text = f"a camera at {camera.rate_hz:g} Hz whose pictures come {camera.latency_ms:g} ms late"
     oldest_s = late_s + period_s

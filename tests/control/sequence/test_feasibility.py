@@ -1,4 +1,4 @@
-"""Pictures have to come often enough for what the phase machine waits for."""
+"""What a scene tells the phase machine has to be possible."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from msrr_control.sequence.feasibility import check_sight
+from msrr_control.sequence.feasibility import check_sequence
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
 
@@ -17,19 +17,22 @@ from msrr_scenes.loading.load import load_scene
         ({"cameras.onboard.rate_hz": "1.5"}, r"docking.lost_time_s: .* 1.5 Hz .* 0.707 s old; .* found 0.6"),
         ({"cameras.onboard.latency_ms": "650"}, "docking.lost_time_s: .* come 650 ms late"),
         ({"docking.lost_time_s": "0.08"}, "found 0.08"),
+        ({"docking.retreat_m": "0.02"}, "docking.retreat_m: a unit has left b.rear when .* found 0.02"),
         (
             {"docking.verify.time_s": "0.15"},
             r"docking.verify.time_s: 3 pictures .* takes 0.16 s .* found 0.15",
         ),
     ],
 )
-def test_pictures_that_come_too_seldom_are_refused(changes: Mapping[str, str], said: str) -> None:
-    """Units lost a port that every picture showed, and unlocked from one that they were seated in."""
+def test_what_no_unit_can_dock_by_is_refused(changes: Mapping[str, str], said: str) -> None:
+    """Units lost a port that every picture showed, unlocked from one in which they were seated, and said that
+    they were stuck in one that they had been told not to leave.
+    """
     with pytest.raises(SceneError, match=said):
-        check_sight(load_scene("close_range", changes))
+        check_sequence(load_scene("close_range", changes))
 
 
 def test_a_seat_that_is_not_looked_at_needs_no_pictures() -> None:
-    check_sight(
+    check_sequence(
         load_scene("close_range", {"docking.verify.time_s": "0.01", "docking.verify.by_sight": "false"})
     )
