@@ -37,7 +37,7 @@ TAG_PLATE_M = 0.002
 
 
 class ArenaSpec(Spec):
-    """The rectangle of floor that no body may leave."""
+    """The rectangle of floor in which all bodies start, and which no unit may leave with its axle."""
 
     x_m: tuple[Coordinate, Coordinate] = (-2.0, 2.0)
     """Lowest and highest x of the floor in the world frame [m]."""

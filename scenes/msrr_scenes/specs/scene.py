@@ -47,7 +47,7 @@ class Scene(Spec):
     time_limit_s: Duration = 60.0
     """Time after which a trial ends with the outcome ``timeout`` [s]."""
     arena: ArenaSpec = ArenaSpec()
-    """Floor that no body may leave."""
+    """Floor in which all bodies start, and which no unit may leave with its axle."""
     units: dict[Name, UnitSpec] = Field(min_length=1, max_length=MAX_UNITS)
     """Units by name; the tag family has room for 50."""
     obstacles: dict[Name, ObstacleSpec] = Field(default_factory=dict, max_length=100)
