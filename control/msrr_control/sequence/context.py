@@ -74,6 +74,7 @@ class StateMemory:
         leg: Leg of the calibration drive under way, counted from 0.
         askew: Timer of one seat switch alone being closed.
         limited: Timer of the collision monitor slowing or stopping the unit.
+        doubted: Timer of the collision monitor stopping it because nobody knows where others are.
         sigma_lateral: Smallest standard deviation of the lateral estimate [m] on the way to the port, near
             which wheels that may spin make it larger; 0 in a stay that begins there.
     """
@@ -85,6 +86,7 @@ class StateMemory:
         self.crept_s = 0.0
         self.unseen, self.switches, self.arrived = HoldTimer(), HoldTimer(), HoldTimer()
         self.opened, self.looked_behind, self.limited = HoldTimer(), HoldTimer(), HoldTimer()
+        self.doubted = HoldTimer()
         self.askew = HoldTimer()
         self.sigma_lateral = 0.0
         self._best, self._best_ns = math.inf, since_ns
@@ -102,6 +104,10 @@ class StateMemory:
         if remaining < self._best - max(smallest, min(way, 0.5 * self._best)):
             self._best, self._best_ns = remaining, now_ns
         return seconds(now_ns - self._best_ns)
+
+    def pause(self, now_ns: int) -> None:
+        """Let the time without progress begin anew: nothing can be expected of the unit now."""
+        self._best_ns = now_ns
 
     def frames_in_a_row(self, exposed_ns: int, agrees: bool) -> int:
         """Count the frames exposed since the phase began that agree, from the last one that did not."""

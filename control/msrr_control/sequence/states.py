@@ -28,6 +28,7 @@ from msrr_control.sequence.evidence import (
 from msrr_control.sequence.observation import GiveUp
 from msrr_scenes.messages import (
     Belief,
+    CollisionMonitorState,
     Conviction,
     FailureReason,
     LockPosition,
@@ -42,6 +43,10 @@ STILL = Twist()
 #: Share of the pins' length: at a smaller gap the pins are in the holes, and where the unit is to the side is
 #: no matter of sight, which goes wrong there with wheels that spin while the unit stands.
 _IN_HOLES = 0.5
+
+#: Clearance beyond which a body stops no unit that knows where it is [m]: units stop within a tenth of that,
+#: and no place is as uncertain that somebody has seen in the last seconds.
+_FAR_M = 0.3
 
 
 def assemble(c: DockingContext) -> Twist | Transition:
@@ -90,9 +95,15 @@ def dock(c: DockingContext) -> Twist | Transition:
         return Transition(Phase.LOCK, f"both seat switches closed at {view}")
     # If any progress counted, the unit could creep for minutes: it has to keep a share of the promised speed,
     # or near the seat to halve what is left.
+    monitor = c.observation.monitor
+    doubted_s = c.memory.doubted.update(_held_by_doubt(monitor), now_ns)
+    if doubted_s > tuning.doubt_s:
+        reason = f"held for {doubted_s:.0f} s by the collision monitor: {monitor}, at {view}"
+        return Transition.back_out(reason, FailureReason.STALLED, reassemble=True)
+    if doubted_s >= 0.0:  # until somebody sees them again; another attempt would be held as well
+        c.memory.pause(now_ns)
     way = tuning.progress_share * promised_speed(c.controller) * spec.stall_time_s
     idle = c.memory.without_progress(view.off_seat(tuning.seated_gap_m), tuning.progress_m, way, now_ns)
-    monitor = c.observation.monitor
     limited_s = c.memory.limited.update(monitor is not None and monitor.limits, now_ns)
     pressed = at_port and (monitor is None or monitor.state is not MonitorState.STOP)
     one_closed = switches is not None and switches.left != switches.right
@@ -123,6 +134,13 @@ def dock(c: DockingContext) -> Twist | Transition:
         # an angle, but the switches do.
         turn = math.copysign(tuning.press_turn_radps, 1.0 if switches.left else -1.0)
     return Twist(spec.press_mps, turn)
+
+
+def _held_by_doubt(monitor: CollisionMonitorState | None) -> bool:
+    """Return whether the monitor stops a unit for bodies that are far away as far as anybody knows."""
+    if monitor is None or monitor.state is not MonitorState.STOP or monitor.clearance is None:
+        return False
+    return monitor.clearance > _FAR_M
 
 
 def lock(c: DockingContext) -> Twist | Transition:

@@ -56,6 +56,7 @@ class PhaseTuning(Spec):
         progress_m: Smallest approach to the seat that counts as progress.
         progress_share: Share of the speed promised by the controller that the approach has to keep, on
             average over ``docking.stall_time_s``. Healthy approaches of all five laws keep 0.2 and more.
+        doubt_s: Time for which a unit waits in front of a port for others to be seen again.
         latch_s: Time that the lock may take to report closed.
         latch_margin_s: Time given to the lock beyond what it takes to close, if that is longer.
         unlatch_s: Time that the lock may take to report open before the unit backs out regardless.
@@ -82,6 +83,7 @@ class PhaseTuning(Spec):
     seated_gap_m: Distance = 0.0
     progress_m: Length = 0.001
     progress_share: float = Field(default=0.1, ge=0.0, le=1.0)
+    doubt_s: Duration = 30.0
     latch_s: Duration = 3.0
     latch_margin_s: Duration = 1.0
     unlatch_s: Duration = 2.0

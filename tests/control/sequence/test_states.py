@@ -491,6 +491,38 @@ def test_a_report_from_after_it_does(desk: Desk) -> None:
     assert desk.ask(desk.at(0.0), closed=True, lock=(LockPosition.CLOSED, desk.now_ns)).phase is Phase.VERIFY
 
 
+def _held_s(desk: Desk, clearance: float, most_s: float) -> tuple[float, Action]:
+    """Let the collision monitor stop an approach for a body; return for how long the unit asked to go on."""
+    desk.to_dock()
+    began = desk.now_ns
+    while True:
+        stop = CollisionMonitorState(desk.now_ns, MonitorState.STOP, "c", clearance, -0.1)
+        action = desk.ask(desk.at(0.45), monitor=stop)
+        if action.phase is not Phase.DOCK or seconds(desk.now_ns - began) > most_s:
+            return seconds(desk.now_ns - began), action
+
+
+def test_a_unit_waits_for_others_that_nobody_sees(facts: DockSetup) -> None:
+    """The camera above was dark, and a unit in front of its port used up its attempts for one 1.5 m away."""
+    waited_s, action = _held_s(Desk(facts), 1.5, 60.0)
+    assert waited_s == pytest.approx(TUNING.doubt_s, abs=0.1)
+    assert "by the collision monitor: 1500 mm to c, 0 mm of it certain ahead" in action.reason
+    desk = Desk(facts)
+    _, action = _held_s(desk, 1.5, 0.8 * TUNING.doubt_s)
+    assert action.phase is Phase.DOCK
+    seen = CollisionMonitorState(desk.now_ns, MonitorState.FREE, None, None, 1.0)
+    assert desk.ask(desk.at(0.449), monitor=seen).phase is Phase.DOCK, (
+        "it goes on as soon as somebody sees them"
+    )
+
+
+def test_a_unit_that_somebody_is_beside_does_not_wait(facts: DockSetup) -> None:
+    desk = Desk(facts)
+    held_s, action = _held_s(desk, 0.05, 60.0)
+    assert held_s == pytest.approx(desk.spec.stall_time_s, abs=0.1)
+    assert "50 mm to c" in action.reason
+
+
 def test_a_lock_has_the_time_that_it_takes_to_close(facts: DockSetup) -> None:
     """One that took more than 3 s was opened again, whatever its data sheet says."""
     desk = Desk(replace(facts, close_time_s=4.0))
