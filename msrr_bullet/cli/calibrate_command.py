@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from msrr_bullet.cli.calibration_report import print_report, summary
 from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.options import (
     STANDARD_OUTPUT,
@@ -21,21 +21,17 @@ from msrr_bullet.cli.options import (
     check_writable,
     write_output,
 )
-from msrr_bullet.cli.picture_notes import poor_residual, same_picture
 from msrr_scenes.errors import SceneError
-from msrr_scenes.wording import counted
 
 if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
-    from rich.console import Console
-
     from msrr_perception.camera_calibration.boards import Board
     from msrr_perception.camera_calibration.fit import BoardView
     from msrr_perception.camera_calibration.result import CameraCalibration
     from msrr_scenes.geometry.lens import Lens
     from msrr_scenes.messages import Pixels
 
-#: Relative uncertainty of the focal length that calls for more pictures, and that of no calibration.
-_POOR_FOCAL, _NO_FOCAL = 0.02, 0.2
+#: Relative uncertainty of the focal length of no calibration.
+_NO_FOCAL = 0.2
 
 #: Residual of no calibration [px], and over the longer side of the pictures if that is more; the corners of
 #: blurred pictures are better known.
@@ -129,12 +125,14 @@ def calibrate(
         missed = pictures.missed
         doubt = _doubt(pattern, files, missed) if 2 * len(missed) > len(files) else ""
     try:
-        write_output(json_file, json.dumps(_summary(found, pictures), indent=1, allow_nan=False) + "\n")
+        write_output(
+            json_file, json.dumps(summary(found, missed, pictures.repeated), indent=1, allow_nan=False) + "\n"
+        )
         write_calibration(file, found.told)
         write_calibration(written[1], found.told, "opencv")
         draw_coverage(found, written[2])
     finally:
-        _report(console, found, pictures, doubt, kind)
+        print_report(console, found, missed, pictures.repeated, doubt, _measures(kind))
     console.print("files: " + ", ".join(map(str, written)), soft_wrap=True, highlight=False)
 
 
@@ -269,75 +267,3 @@ def _read(file: Path) -> Pixels:
     if file.suffix.lower() in FILMS:
         raise PictureError(f"{file}: a film; take ten to twenty sharp pictures out of it")
     return read_picture(file)
-
-
-def _report(console: Console, found: CameraCalibration, read: _Pictures, doubt: str, kind: Kind) -> None:
-    from rich.table import Table
-
-    from msrr_bullet.figures.coverage import covered, tilt
-
-    table = Table("picture", "points", "residual [px]", "tilt [deg]", "")
-    for view in found.views:
-        cells = str(len(view.corners)), f"{view.rms_px:.2f}", f"{math.hypot(*tilt(view)):.0f}"
-        table.add_row(Path(view.name).name, *cells, "" if view.used else "left out")
-    console.print(table)
-    if found.models:
-        table = Table("free coefficients", "residual of pictures held out [px]", "")
-        for model in found.models:
-            word = "chosen" if model == found.model else "folds the picture" if model.folds else ""
-            table.add_row(_names(model.free), f"{model.held_out_px:.3f}", word)
-        console.print(table)
-    table = Table("", "value", "sigma", "sigma by noise alone")
-    for name, sigma in found.sigma.items():
-        if sigma:
-            noise = f"{found.noise_sigma[name]:.2g}"
-            table.add_row(name, f"{getattr(found.told, name):.5g}", f"{sigma:.2g}", noise)
-    console.print(table)
-    lines = [f"no board: {name}" for name in read.missed]
-    lines += [same_picture(*names) for names in read.repeated]
-    lines += [
-        f"left out: {view.name}: {view.rms_px:.2f} px from the rest; blurred, bent or wrongly read"
-        for view in found.views
-        if not view.used
-    ]
-    if found.sigma["fx_px"] > _POOR_FOCAL * found.told.fx_px:
-        lines.append(
-            "the focal length is poorly known: tilt the board more, by 30 to 45 degrees to all sides"
-        )
-    used = sum(view.used for view in found.views)
-    lines.append(
-        f"{counted(used, 'picture')}: residual {found.rms_px:.3f} px RMS, "
-        f"{found.model.held_out_px:.3f} px of pictures held out; "
-        f"points in {100.0 * covered(found):.0f} % of the picture"
-    )
-    lines += poor_residual(found.rms_px, _measures(kind))
-    if doubt:
-        lines.append(f"the board is in doubt: {doubt}")
-    console.print("\n".join(lines), soft_wrap=True, highlight=False)
-
-
-def _names(free: int) -> str:
-    from msrr_scenes.geometry.distortion import COEFFICIENTS
-
-    return ", ".join(COEFFICIENTS[:free]) or "none"
-
-
-def _summary(found: CameraCalibration, read: _Pictures) -> dict[str, Any]:
-    return {
-        "calibration": found.told.model_dump(),
-        "sigma": dict(found.sigma),
-        "sigma_by_noise": dict(found.noise_sigma),
-        "rms_px": found.rms_px,
-        "held_out_px": found.model.held_out_px,
-        "free_coefficients": found.model.free,
-        "models": [
-            {"free_coefficients": m.free, "held_out_px": m.held_out_px, "folds": m.folds}
-            for m in found.models
-        ],
-        "no_board": read.missed,
-        "same_pictures": [list(names) for names in read.repeated],
-        "images": [
-            {"file": view.name, "points": len(view.corners), "rms_px": view.rms_px, "used": view.used}
-            for view in found.views
-        ],
-    }
