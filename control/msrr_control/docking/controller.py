@@ -21,6 +21,7 @@ from msrr_scenes.guarded import no_result, wrong
 from msrr_scenes.messages import LosObservation, LosStatus, PoseEstimate, Twist, seconds
 from msrr_scenes.registry import ExtensionPoint, build
 from msrr_scenes.specs.spec import Choice, Spec
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 P = TypeVar("P", bound=Spec)
 
@@ -106,10 +107,13 @@ class LawController(Generic[State]):
         return Twist(float(command[0]), float(command[1]))
 
 
-def promised_speed(controller: Controller) -> float:
-    """Return the speed [m/s] at which a controller promises to approach; 0 if it promises none."""
+def promised_speed(controller: Controller, limits: LimitsSpec) -> float:
+    """Return the speed [m/s] at which a controller promises to approach; 0 if it promises none.
+
+    What a controller is told to promise may be more than its unit may drive in front of a port.
+    """
     promised = getattr(controller, "approach_mps", None)
-    return float(promised) if isinstance(promised, (int, float)) else 0.0
+    return min(float(promised), limits.v_close_mps) if isinstance(promised, (int, float)) else 0.0
 
 
 def law_inputs(inputs: ControlInputs) -> LawInputs:

@@ -102,7 +102,7 @@ def dock(c: DockingContext) -> Twist | Transition:
         return Transition.back_out(reason, FailureReason.STALLED, reassemble=True)
     if doubted_s >= 0.0:  # until somebody sees them again; another attempt would be held as well
         c.memory.pause(now_ns)
-    way = tuning.progress_share * promised_speed(c.controller) * spec.stall_time_s
+    way = tuning.progress_share * promised_speed(c.controller, c.setup.limits) * spec.stall_time_s
     idle = c.memory.without_progress(view.off_seat(tuning.seated_gap_m), tuning.progress_m, way, now_ns)
     limited_s = c.memory.limited.update(monitor is not None and monitor.limits, now_ns)
     pressed = at_port and (monitor is None or monitor.state is not MonitorState.STOP)

@@ -66,7 +66,7 @@ def check_time(scene: Scene) -> None:
     for index in in_order(scene.docks):
         step = scene.docks[index]
         setup = DockSetup.of(scene, step)
-        promised = promised_speed(build_controller(scene.control.docking, setup))
+        promised = promised_speed(build_controller(scene.control.docking, setup), setup.limits)
         approach = promised or scene.limits.v_max_mps
         X_WD = placed[step.target_unit] @ scene.geometry(step.target_unit).dock_frame(step.target_port)
         X_UP = scene.geometry(step.unit).port(step.port)

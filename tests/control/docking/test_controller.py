@@ -111,14 +111,21 @@ def test_one_s_own_controller_may_promise_a_speed(
 ) -> None:
     monkeypatch.setattr(Promising, "approach_mps", promised)
     built = build_controller(Choice(name=f"{__name__}:Promising"), facts)
-    assert promised_speed(built) == speed
-    assert promised_speed(build_controller(Choice(name=f"{__name__}:Crawler"), facts)) == 0.0
+    assert promised_speed(built, facts.limits) == speed
+    assert promised_speed(build_controller(Choice(name=f"{__name__}:Crawler"), facts), facts.limits) == 0.0
+
+
+def test_no_more_is_promised_than_the_drive_may_go(facts: DockSetup) -> None:
+    slow = facts.limits.model_copy(update={"v_close_mps": 0.01})
+    for name in ("c1", "c2", "linear"):
+        law = build_controller(Choice(name=name), facts)
+        assert promised_speed(law, facts.limits) > promised_speed(law, slow) == 0.01
 
 
 def test_a_promise_has_to_be_a_speed(facts: DockSetup, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Promising, "approach_mps", "fast")
     with pytest.raises(ProgramFailedError, match="approach_mps returned 'fast'; expected a speed"):
-        promised_speed(build_controller(Choice(name=f"{__name__}:Promising"), facts))
+        promised_speed(build_controller(Choice(name=f"{__name__}:Promising"), facts), facts.limits)
 
 
 class _TwoRows:

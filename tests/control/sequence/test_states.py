@@ -130,6 +130,14 @@ def _wide(sigma_y: float, sigma_yaw: float) -> np.ndarray:
     return np.diag([1e-6, sigma_y**2, sigma_yaw**2])
 
 
+@pytest.mark.parametrize(("share", "stalls"), [(0.5, False), (0.05, True)])
+def test_a_slow_drive_is_measured_by_what_it_may_go(facts: DockSetup, share: float, stalls: bool) -> None:
+    """It may do 1 cm/s, and the law asks for 11: half of that is progress, a twentieth is none."""
+    desk = Desk(replace(facts, limits=facts.limits.model_copy(update={"v_close_mps": 0.01})))
+    actions = [desk.ask(desk.at(0.7 - share * 0.01 * 0.02 * k)) for k in range(400)]
+    assert any("no progress" in action.reason for action in actions) == stalls
+
+
 @pytest.mark.parametrize(
     ("beyond_m", "share_of_cone", "creeps"), [(0.01, 0.5, True), (-0.01, 0.5, False), (0.01, 1.02, False)]
 )
