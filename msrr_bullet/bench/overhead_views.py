@@ -71,12 +71,8 @@ def measure_overhead(
 def module_sizes() -> tuple[float, float]:
     """Return the edge of a module [px] of the smallest and of the largest tag in the image."""
     _, _, model = _load()
-    above = float(model.X_WC.p[2])
-    edges = [
-        model.camera.focal * float(np.linalg.norm(tag.corners_B[1] - tag.corners_B[0])) / (above - tag.height)
-        for tag in model.tags.values()
-    ]
-    return min(edges) / 8.0, max(edges) / 8.0
+    modules = [model.edge_px(i) / model.tag_family.edge_modules for i in model.tags]
+    return min(modules), max(modules)
 
 
 def _load() -> tuple[Scene, CameraSpec, OverheadModel]:

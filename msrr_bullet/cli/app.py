@@ -126,6 +126,7 @@ def check(
     The exit code is 2 if one cannot be used.
     """
     from msrr_bullet.trial.check import check_trial
+    from msrr_bullet.trial.resolution import coarse_tags
     from msrr_scenes.loading.load import load_scene, scene_hash
 
     code, given = 0, parse_overrides(overrides)
@@ -141,7 +142,7 @@ def check(
         typer.echo(
             f"{file}: ok ({bodies}; {_task(loaded)}; as built: {loaded.as_built}; {scene_hash(loaded)})"
         )
-        for line in _robots(loaded):
+        for line in (*_robots(loaded), *coarse_tags(loaded)):
             typer.echo(f"  {line}")
     raise typer.Exit(code)
 

@@ -223,11 +223,23 @@ class PupilDetector(RefiningDetector):
         return native_apriltag.detect(pixels, self.family, self.settings, int(self.max_hamming))
 
 
-def default_search_detector(family: str = "tag36h11") -> Detector:
-    """Return a detector that quickly finds black and white tags of 30 px and more in a full frame."""
-    detector = PupilDetector(family, quad_decimate=2.0)
+def default_search_detector(
+    family: str = "tag36h11", smallest_px: float = math.inf, blur_px: float = 0.0, noise_grey: float = 0.0
+) -> Detector:
+    """Return a detector that quickly finds black and white tags at any angle in a full frame.
+
+    It searches at half the resolution where that misses none, which takes a third of the time.
+
+    Args:
+        family: Family of the tags.
+        smallest_px: Edge of the smallest tag in the image [px].
+        blur_px: Standard deviation of the camera's blur [px].
+        noise_grey: Standard deviation of a pixel [grey levels].
+    """
+    large = smallest_px >= math.sqrt(2.0) * LARGE_TAG_PX
+    detector = PupilDetector(family, quad_decimate=2.0 if large else 1.0)
     detector.settings = replace(detector.settings, min_white_black_diff=_SEARCH_CONTRAST)
-    return detector
+    return for_noise(detector if large else for_blur(detector, blur_px), noise_grey)
 
 
 DETECTORS: ExtensionPoint[Detector] = ExtensionPoint(

@@ -12,7 +12,6 @@ from msrr_perception.detection.detector import (
     detector_for,
     detectors_by_size,
     for_camera,
-    for_noise,
 )
 from msrr_perception.detection.frame_reader import FrameReader
 from msrr_perception.detection.windows import (
@@ -104,8 +103,9 @@ class OverheadVision:
         errors = model.corner_errors
         self._detector = for_camera(detector, model.lens, errors.blur_px, errors.noise_grey)
         self._detectors = detectors_by_size(self._detector)
-        self._search_detector = search_detector or for_noise(
-            default_search_detector(model.tag_family.name), errors.noise_grey
+        smallest_px = min(model.edge_px(i) for i in model.tags)
+        self._search_detector = search_detector or default_search_detector(
+            model.tag_family.name, smallest_px, errors.blur_px, errors.noise_grey
         )
         self._policy = policy.for_family(model.tag_family)
         self._standing_every = standing_every
