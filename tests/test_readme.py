@@ -22,7 +22,7 @@ from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = (ROOT / "README.md", *sorted(ROOT.glob("*/README.md")), *sorted(ROOT.glob("docs/**/*.md")))
+PAGES = (ROOT / "README.md", *sorted(ROOT.glob("[!.]*/README.md")), *sorted(ROOT.glob("docs/**/*.md")))
 #: Pages that test_pages.py carries out from top to bottom.
 FOLLOWED = ("docs/index.md", "docs/tutorials/", "docs/how-to/")
 
