@@ -52,9 +52,9 @@ _MOST_DECIMATION = 4
 #: Sharpening of the sampled bits: of an image as it is, and of one that is restored from its blur.
 _SHARPENING, _RESTORED_SHARPENING = 1.0, 0.25
 
-#: Contrast of a 4 px tile below which the search skips it, in windows and in full frames [grey levels]. Tags
-#: have about 200; a limit near the noise lets every tile through, and the search takes 50 times longer.
-_CONTRAST, _SEARCH_CONTRAST = 30, 90
+#: Contrast of a 4 px tile below which the search skips it [grey levels]. Well lit tags have about 200; with a
+#: limit near the noise every tile is let through, and the search takes 50 times longer.
+_CONTRAST = 30
 
 #: Contrast in standard deviations of the noise that a tile without edges hardly ever has. The library takes
 #: that of a tile and its eight neighbours; of 144 pixels the range exceeds this in 6 of 1000 cases.
@@ -226,7 +226,7 @@ class PupilDetector(RefiningDetector):
 def default_search_detector(
     family: str = "tag36h11", smallest_px: float = math.inf, blur_px: float = 0.0, noise_grey: float = 0.0
 ) -> Detector:
-    """Return a detector that quickly finds black and white tags at any angle in a full frame.
+    """Return a detector that quickly finds tags at any angle in a full frame.
 
     It searches at half the resolution where that misses none, which takes a third of the time.
 
@@ -238,7 +238,6 @@ def default_search_detector(
     """
     large = smallest_px >= math.sqrt(2.0) * LARGE_TAG_PX
     detector = PupilDetector(family, quad_decimate=2.0 if large else 1.0)
-    detector.settings = replace(detector.settings, min_white_black_diff=_SEARCH_CONTRAST)
     return for_noise(detector if large else for_blur(detector, blur_px), noise_grey)
 
 

@@ -103,10 +103,9 @@ def test_noise_alone_hardly_ever_has_the_contrast_that_the_search_asks_for() -> 
 
 
 def test_a_contrast_is_kept_that_is_given_or_beyond_the_noise() -> None:
-    given, search = PupilDetector(min_white_black_diff=10), default_search_detector()
+    given = PupilDetector(min_white_black_diff=10)
     assert for_noise(given, 20.0) is given
-    assert for_noise(search, 12.0) is search
-    for detector in (PupilDetector(), search):
+    for detector in (PupilDetector(), default_search_detector()):
         contrast = for_noise(detector, 16.0).settings.min_white_black_diff
         assert contrast == 112
         assert for_large_tags(for_noise(detector, 16.0)).settings.min_white_black_diff == contrast
@@ -209,6 +208,22 @@ def test_turned_tags_are_found_at_less_resolution_when_they_are_just_large_enoug
             noisy = np.clip(pixels + rng.normal(0.0, 4.0, pixels.shape), 0, 255).astype(np.uint8)
             (found,) = detector.detect(noisy, window)
             np.testing.assert_allclose(found.corners, corners, atol=0.5)
+
+
+def test_the_search_finds_tags_of_every_size_at_any_angle_in_poor_light(
+    plate: Callable[[int], Pixels], warp: Callable[..., Pixels]
+) -> None:
+    """A detector that misses one in twenty of them passes 60 views in 5 % of all cases."""
+    rng, frame = np.random.default_rng(6), Window(0, 0, 100, 80)
+    square = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
+    for edge in (14.0, 20.0, 27.0, 29.0, 45.0):  # at half the resolution from 28 px on
+        detector = default_search_detector(smallest_px=edge, noise_grey=2.0)
+        for angle in rng.uniform(0.0, math.pi, 12):
+            turn = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+            corners = edge * square @ turn + [50.0, 40.0] + rng.uniform(-2.0, 2.0, 2)
+            dark = 0.25 * warp(frame, [(plate(7), corners)]) + 20.0  # 60 grey levels of contrast
+            noisy = np.clip(dark + rng.normal(0.0, 2.0, dark.shape), 0, 255).astype(np.uint8)
+            assert [tag.tag_id for tag in detector.detect(noisy, frame)] == [7]
 
 
 def test_large_tags_are_read_as_all_others_without_refinement_or_at_half_the_resolution() -> None:
