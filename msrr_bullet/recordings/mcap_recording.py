@@ -78,7 +78,6 @@ def open_mcap(
     """
     schemas = read_channels(path)
     joints = wheels().joints
-    kinds = (WHEELS, ODOMETRY) if joints is None else (JOINT_STATE,)
     image_topic = _chosen(path, schemas, IMAGES, topic, "--topic")
     if image_topic is None:
         found = ", ".join(sorted(set(schemas.values()))) or "nothing"
@@ -86,7 +85,7 @@ def open_mcap(
     chosen = _Topics(
         image_topic,
         _nearest(image_topic, [t for t, schema in schemas.items() if schema in CALIBRATIONS]),
-        None if odometry == NONE else _chosen(path, schemas, kinds, odometry, "--odometry"),
+        None if odometry == NONE else _chosen_odometry(path, schemas, odometry, joints is not None),
     )
     if next(iter(read_messages(path, [chosen.images])), None) is None:
         raise RecordingError(f"{path}: no message on {chosen.images}")
@@ -117,6 +116,16 @@ def _chosen(
     if named is None and len(known) > 1:
         raise RecordingError(f"{path}: several topics; choose one of {', '.join(known)} by {option}")
     return named or next(iter(known), None)
+
+
+def _chosen_odometry(path: Path, schemas: Mapping[str, str], named: str | None, joints: bool) -> str | None:
+    """Return the topic of the odometry that was named, or the only one: joint states if joints are known."""
+    kinds: tuple[str, ...] = (WHEELS, ODOMETRY)
+    if joints and named is not None:
+        kinds = (JOINT_STATE, *kinds)
+    elif joints and JOINT_STATE in schemas.values():
+        kinds = (JOINT_STATE,)
+    return _chosen(path, schemas, kinds, named, "--odometry")
 
 
 def _check_wheels(path: Path, topic: str, reader: WheelReader) -> None:

@@ -111,7 +111,8 @@ def select_effects(effects: Sequence[Effect], names: Sequence[str]) -> tuple[Eff
     chosen: dict[str, Effect] = {}
     for name in names:
         if name not in known and name not in groups:
-            raise UnknownNameError("effect", name, [*groups, *known], "An effect has to act in the scene.")
+            hint = "What does not act in this scene, as a camera without pixels, is no effect."
+            raise UnknownNameError("effect", name, [*groups, *known], hint)
         chosen |= {key: effect for key, effect in known.items() if name in (key, *_parents(key))}
     return tuple(effect for effect in effects if effect.name in chosen)
 

@@ -16,7 +16,7 @@ from msrr_control.sequence.feasibility import check_sequence
 from msrr_control.staging.feasibility import check_assembly, check_time
 from msrr_control.staging.registry import ASSEMBLERS
 from msrr_scenes.as_built import draw_as_built
-from msrr_scenes.errors import MsrrError, ProgramFailedError, SceneError
+from msrr_scenes.errors import ChangedFileError, MsrrError, ProgramFailedError, SceneError
 from msrr_scenes.loading.load import check_scene
 from msrr_scenes.placement.placement import draw_placement
 from msrr_scenes.random_streams import stream
@@ -38,11 +38,12 @@ def check_trial(scene: Scene) -> None:
         SceneError: The scene contradicts itself, something that it names does not exist or does not take its
             parameters, or a URDF lacks what the plant needs. The message begins with the file.
         ProgramFailedError: A class that the scene names by its import path fails while it is built.
+        ChangedFileError: That class was edited since this process imported it.
         NoRoomError: The folder of temporary files is full.
     """
     try:
         _check(scene)
-    except (ProgramFailedError, NoRoomError):
+    except (ProgramFailedError, NoRoomError, ChangedFileError):
         raise
     except MsrrError as error:
         raise SceneError(f"{scene.source or scene.name}: {error}") from error

@@ -13,7 +13,7 @@ from msrr_bullet.tolerance.model import ToleranceStudy
     ("arguments", "message"),
     [
         (["--effects", "onboard.yow_deg"], "did you mean 'onboard.yaw_deg'?"),
-        (["--effects", "overhead"], "An effect has to act in the scene."),
+        (["--effects", "overhead"], "is no effect."),
         (["--grades", "carefull"], "unknown grade 'carefull'; did you mean 'careful'?"),
         (["--seeds", "12"], "a single number is ambiguous"),
         (["--seeds", "3:4"], "two seeds or more, one for each sign"),

@@ -5,7 +5,9 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.sweep.provenance import code_fingerprint
+from msrr_bullet.trial.check import check_trial
 from msrr_scenes import load_scene
+from msrr_scenes.errors import ChangedFileError
 from msrr_scenes.own_modules import import_own
 
 
@@ -33,6 +35,8 @@ def test_a_process_that_lives_on_runs_the_code_that_it_has_imported(
     module.write_text("class Law: gain = 2\n")
     assert code_fingerprint(scene, imported=True) == before
     assert code_fingerprint(scene) != before
+    with pytest.raises(ChangedFileError, match=r"edited_law:Law.*edited"):
+        check_trial(scene)
 
 
 def test_what_it_imports_from_its_folder_counts_and_nothing_else(
