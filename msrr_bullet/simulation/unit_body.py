@@ -106,10 +106,10 @@ def _weld_and_load(geometry: UnitGeometry, client: int, built: BuiltUnit | None)
 
 
 def _load(urdf: Path, client: int, drawn: Path) -> int:
+    # Without the second flag cylinders are prisms of 32 sides, and larger by a margin of 1 mm.
+    flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER
     try:
-        body: int = pybullet.loadURDF(
-            str(urdf), useFixedBase=False, flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client
-        )
+        body: int = pybullet.loadURDF(str(urdf), useFixedBase=False, flags=flags, physicsClientId=client)
     except pybullet.error as error:
         raise GeometryError(f"{drawn}: PyBullet cannot load this URDF ({error})") from None
     return body

@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
 import numpy as np
 
+from msrr_bullet.simulation.hull_margin import inset_meshes
 from msrr_scenes.geometry.inertial import INERTIA, Inertial
 from msrr_scenes.geometry.urdf_tree import carry_over, urdf_origin
 
@@ -67,11 +68,12 @@ def weld(tree: ElementTree[Element], separate: Collection[str]) -> None:
 
 
 def write_welded(tree: ElementTree[Element], path: Path) -> None:
-    """Write a URDF for PyBullet, with an element a line.
+    """Write a URDF for PyBullet, with an element a line, and beside it the hulls of its collision meshes.
 
     PyBullet reads a line that is longer than 8 kB in pieces, and what stands where two meet comes apart: a
     mass of 12.5 was read as 12.0.
     """
+    inset_meshes(tree, path.parent, path.stem)
     indent(tree)
     tree.write(path, encoding="utf-8", xml_declaration=True)
 

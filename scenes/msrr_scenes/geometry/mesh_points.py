@@ -32,6 +32,29 @@ def obj_vertices(path: Path) -> Array:
     return _points(path, rows)
 
 
+def obj_objects(path: Path) -> list[Array]:
+    """Return the vertices of each object or group of an OBJ file that has faces, shape (N, 3) each.
+
+    PyBullet makes a convex hull of each of them.
+
+    Raises:
+        GeometryError: As for :func:`obj_vertices`.
+    """
+    vertices = obj_vertices(path)
+    objects: list[set[int]] = [set()]
+    seen = 0
+    for words in obj_lines(path):
+        if words[0] in ("o", "g"):
+            objects.append(set())
+        elif words[0] == "v":
+            seen += 1
+        elif words[0] == "f":
+            numbers = (int(word.split("/")[0]) for word in words[1:])
+            # From 1 on, or back from the last vertex so far.
+            objects[-1].update(n - 1 if n > 0 else seen + n for n in numbers)
+    return [vertices[sorted(used)] for used in objects if used]
+
+
 def stl_corners(path: Path) -> Array:
     """Return the corners of the triangles of an STL file, shape (3 N, 3), in the units of the file.
 

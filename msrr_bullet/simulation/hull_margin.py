@@ -1,0 +1,69 @@
+"""Collision meshes that are as large in the engine as they are drawn.
+
+PyBullet puts a margin around the convex hulls of a URDF, by which pins no longer fit their holes and wheels
+no longer reach the floor. The margin of hulls that share a link cannot be changed, so hulls are made smaller
+by it before they are loaded. With the margin they have the faces that were drawn, and round edges.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree.ElementTree import Element, ElementTree
+
+import numpy as np
+
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.mesh_points import obj_objects
+
+#: Margin of the convex hulls of a URDF in PyBullet [m].
+_MARGIN_M = 1e-3
+
+#: Share of the distance from the middle of a hull to its nearest face by which faces move at most: something
+#: has to be left of what is thinner than two margins.
+_MOST = 0.9
+
+#: Points that are all nearer to a plane are flat [m].
+_FLAT_M = 1e-6
+
+
+def inset_meshes(tree: ElementTree[Element], folder: Path, stem: str) -> None:
+    """Replace the collision meshes of a URDF by hulls that are smaller by the margin, in place.
+
+    Args:
+        tree: A URDF whose collision meshes are OBJ files with absolute paths.
+        folder: Existing folder in which the hulls are written.
+        stem: Beginning of the names of their files.
+    """
+    for number, mesh in enumerate(tree.getroot().iterfind(".//collision/geometry/mesh")):
+        scale = np.array([float(word) for word in mesh.get("scale", "1 1 1").split()])
+        lines: list[str] = []
+        count = 0
+        for k, points in enumerate(obj_objects(Path(mesh.attrib["filename"]))):
+            inner, triangles = _inset(points * scale)
+            lines.append(f"o part_{k}")
+            lines += ["v " + " ".join(map(repr, point)) for point in inner.tolist()]
+            lines += ["f " + " ".join(map(str, row)) for row in (triangles + count + 1).tolist()]
+            count += len(inner)
+        path = folder / f"{stem}_hull_{number}.obj"
+        path.write_text("\n".join(lines) + "\n")
+        mesh.set("filename", str(path))
+        mesh.set("scale", "1 1 1")
+
+
+def _inset(points: Array) -> tuple[Array, Array]:
+    """Return the corners of a hull, shape (N, 3), whose faces lie a margin inside, and its triangles, (M, 3).
+
+    A flat hull has no inside and stays as it is.
+    """
+    from scipy.spatial import ConvexHull, HalfspaceIntersection  # slow to import, and few robots have meshes
+
+    if np.linalg.matrix_rank(points - points.mean(axis=0), tol=_FLAT_M) < 3:
+        corners = np.arange(1, len(points) - 1)
+        return points, np.column_stack([np.zeros_like(corners), corners, corners + 1])
+    hull = ConvexHull(points)
+    planes = hull.equations  # outward normal and offset: inside where their sum is negative
+    middle = points[hull.vertices].mean(axis=0)
+    inside = -(planes[:, :3] @ middle + planes[:, 3])
+    planes[:, 3] += min(_MARGIN_M, _MOST * float(inside.min()))
+    inner = HalfspaceIntersection(planes, middle).intersections
+    return inner, ConvexHull(inner).simplices
