@@ -11,6 +11,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.mesh_points import obj_objects
@@ -50,7 +51,7 @@ def inset_meshes(tree: ElementTree[Element], folder: Path, stem: str) -> None:
         mesh.set("scale", "1 1 1")
 
 
-def _inset(points: Array) -> tuple[Array, Array]:
+def _inset(points: Array) -> tuple[Array, NDArray[np.int_]]:
     """Return the corners of a hull, shape (N, 3), whose faces lie a margin inside, and its triangles, (M, 3).
 
     A flat hull has no inside and stays as it is.
@@ -66,4 +67,4 @@ def _inset(points: Array) -> tuple[Array, Array]:
     inside = -(planes[:, :3] @ middle + planes[:, 3])
     planes[:, 3] += min(_MARGIN_M, _MOST * float(inside.min()))
     inner = HalfspaceIntersection(planes, middle).intersections
-    return inner, ConvexHull(inner).simplices
+    return inner, ConvexHull(inner).simplices.astype(np.int_)

@@ -36,7 +36,7 @@ def moved(caster: str, x: float, z: float) -> tuple[str, str]:
     [
         (
             [moved(FRONT, 0.09, 0.008), moved(REAR, -0.09, 0.008)],
-            "caster_front and caster_rear keep the wheels 4.0 mm above the floor",
+            "caster_front and caster_rear keep the wheels 4 mm above the floor",
         ),
         (
             [(HEAVY, HEAVY.replace("0 0", "0.03 0")), moved(FRONT, 0.09, 0.015)],
@@ -45,7 +45,12 @@ def moved(caster: str, x: float, z: float) -> tuple[str, str]:
         ),
         (
             [(HEAVY, HEAVY.replace("0 0", "-0.03 0")), moved(FRONT, 0.09, 0.010)],
-            "caster_front and caster_rear keep the wheels 1.0 mm",
+            "caster_front and caster_rear keep the wheels 1 mm",
+        ),
+        (
+            [moved(FRONT, 0.09, 0.01199), moved(REAR, -0.09, 0.01199)],
+            "the wheels 0.01 mm above the floor; they reach to z = -0.01 and -0.01 mm of the frame axle, the "
+            "wheels to 0; let one of them end above the floor",
         ),
         (
             [(HEAVY, HEAVY.replace("0 0", "0.06 0")), moved(FRONT, 0.03, 0.012)],
