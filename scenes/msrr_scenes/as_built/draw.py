@@ -13,7 +13,8 @@ from types import MappingProxyType
 import numpy as np
 
 from msrr_scenes.as_built.as_built import AsBuilt, BuiltCamera, BuiltDrive, BuiltFloor, BuiltTag, BuiltUnit
-from msrr_scenes.geometry.distortion import COEFFICIENTS
+from msrr_scenes.geometry.distortion import COEFFICIENTS, Distortion, has_inverse
+from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
@@ -32,6 +33,9 @@ LEAST_FRICTION = 0.1
 #: Distance between two joints of the floor [m].
 JOINT_SPACING_M = 0.5
 
+#: Number of lenses that are drawn for one camera at most; errors that are given stay the same.
+_MOST_LENSES = 50
+
 _NS_PER_MS = 1_000_000
 
 
@@ -46,18 +50,20 @@ class _Draw:
         """Return the generator of an error."""
         return stream(self._seed, f"as_built/{name}")
 
-    def error(self, group: Spec, quantity: str, part: str) -> float:
+    def error(self, group: Spec, quantity: str, part: str, again: int = 0) -> float:
         """Return the error of a quantity of a part, in its unit: as given, or drawn; 0 if it has none.
 
         Args:
             group: Group of deviations.
             quantity: Name of the quantity in the group.
             part: Name of the part, which begins the name of the error.
+            again: Number of draws that could not be built.
         """
         deviation, name = getattr(group, quantity), f"{part}/{quantity}"
         if deviation.error is None and deviation.sigma == 0.0:
             return 0.0
-        error: float = self._drawn(deviation, name) if deviation.error is None else deviation.error
+        source = f"{name}/{again}" if again else name
+        error: float = self._drawn(deviation, source) if deviation.error is None else deviation.error
         self.errors[name] = error
         return error
 
@@ -173,21 +179,35 @@ def _obstacle_tag(scene: Scene, name: str, draw: _Draw) -> BuiltTag:
 
 
 def _camera(told: CameraSpec, spec: CameraDeviations, name: str, draw: _Draw) -> BuiltCamera:
-    pinhole, lens = told.pinhole, told.distortion
+    pinhole = told.pinhole
     x, y = pinhole.offset
+    pinhole = replace(
+        pinhole,
+        focal=draw.scale(spec, "focal_percent", name) * pinhole.focal,
+        offset=(x + draw.error(spec, "cx_px", name), y + draw.error(spec, "cy_px", name)),
+    )
     return BuiltCamera(
-        pinhole=replace(
-            pinhole,
-            focal=draw.scale(spec, "focal_percent", name) * pinhole.focal,
-            offset=(x + draw.error(spec, "cx_px", name), y + draw.error(spec, "cy_px", name)),
-        ),
+        pinhole=pinhole,
         X_BX=draw.mount(spec, name),
-        distortion=replace(
-            lens, **{key: getattr(lens, key) + draw.error(spec, key, name) for key in COEFFICIENTS}
-        ),
+        distortion=_distortion(told.distortion, pinhole, spec, name, draw),
         clock_ahead_ns=round(_NS_PER_MS * draw.error(spec, "clock_ms", name)),
         jitter_ns=round(_NS_PER_MS * draw.error(spec, "jitter_ms", name)),
     )
+
+
+def _distortion(
+    told: Distortion, pinhole: PinholeCamera, spec: CameraDeviations, name: str, draw: _Draw
+) -> Distortion:
+    """Draw the distortion of a lens: anew for as long as two points of the scene would appear at one pixel.
+
+    No lens does that, but of wide ones the coefficients may: at 140 degrees those of one in five.
+    """
+    for again in range(_MOST_LENSES):
+        errors = {key: draw.error(spec, key, name, again) for key in COEFFICIENTS}
+        lens = replace(told, **{key: getattr(told, key) + error for key, error in errors.items()})
+        if has_inverse(pinhole, lens):
+            break
+    return lens
 
 
 def _floor(scene: Scene, draw: _Draw) -> BuiltFloor:

@@ -109,7 +109,20 @@ _MARGIN, _SPACING = 8, 8.0
 
 def has_inverse(camera: PinholeCamera, distortion: Distortion) -> bool:
     """Return whether every pixel of the frame and of a small margin shows one point of the scene."""
-    return fold_radius(camera, distortion) is None
+    return _is_slight(camera, distortion) or fold_radius(camera, distortion) is None
+
+
+def _is_slight(camera: PinholeCamera, distortion: Distortion) -> bool:
+    """Return whether a lens moves points by less than a third of their distances, and folds nothing.
+
+    Points of the frame then are at most 1.5 times as far from the axis as the lens shows them.
+    """
+    across = max(camera.cx, camera.width - camera.cx), max(camera.cy, camera.height - camera.cy)
+    shown = (float(np.hypot(*across)) + 2.0 * _MARGIN) / (camera.focal * min(1.0, distortion.aspect))
+    r = 1.5 * shown
+    radial = 3.0 * abs(distortion.k1) * r**2 + 5.0 * abs(distortion.k2) * r**4
+    radial += 7.0 * abs(distortion.k3) * r**6
+    return radial + 8.0 * (abs(distortion.p1) + abs(distortion.p2)) * r < 1.0 / 3.0
 
 
 def fold_radius(camera: PinholeCamera, distortion: Distortion) -> float | None:

@@ -13,11 +13,12 @@ from scipy.stats import chi2
 
 from msrr_scenes.as_built import AsBuilt, as_drawn, draw_as_built
 from msrr_scenes.as_built.draw import LEAST_FRICTION
-from msrr_scenes.geometry.distortion import Distortion
+from msrr_scenes.geometry.distortion import Distortion, has_inverse
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import marker_links
 from msrr_scenes.loading.load import load_scene
+from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
 
 SEEDS = 400
@@ -197,3 +198,18 @@ def test_the_lens_is_that_of_opencv() -> None:
         points, np.zeros(3), np.zeros(3), camera.pinhole.matrix(), np.array([-0.2, 0.05, 0.002, -0.003, 0.01])
     )
     np.testing.assert_allclose(camera.project(points), expected[:, 0], atol=1e-9)
+
+
+def test_a_lens_that_shows_a_point_twice_is_drawn_anew() -> None:
+    """Of such wide lenses one in five was, and its trial ended with an error."""
+    wide = scene("careful", **{"cameras.onboard.hfov_deg": "140"})
+    folded = 0
+    for seed in range(40):
+        built = draw_as_built(wide, seed)
+        camera = built.units["a"].camera
+        assert has_inverse(camera.pinhole, camera.distortion)
+        assert built.errors["unit/a/onboard/k1"] == camera.distortion.k1
+        sigma = wide.as_built.onboard.k1.sigma
+        first = sigma * stream(seed, "as_built/unit/a/onboard/k1").standard_normal()
+        folded += camera.distortion.k1 != pytest.approx(first)
+    assert 0 < folded < 20

@@ -66,3 +66,16 @@ def test_a_lens_without_an_inverse_in_the_frame_is_found(k1: float) -> None:
 
 def test_an_ideal_lens_changes_nothing() -> None:
     np.testing.assert_allclose(IDEAL_LENS.ideal_pixels(CAMERA, pixels()), pixels(), atol=1e-9)
+
+
+def test_lenses_that_are_taken_to_have_an_inverse_have_one() -> None:
+    """Whatever the shortcut of has_inverse accepts, the search for folds accepts; it spares most of them."""
+    rng, slight = np.random.default_rng(4), 0
+    for camera in (CAMERA, PinholeCamera.from_hfov(640, 480, math.radians(140.0))):
+        for _ in range(60):
+            spread = rng.uniform(0.0, 2.0) / (1.5 / camera.focal * 410.0) ** np.array([2, 4, 1, 1, 6])
+            lens = Distortion(*(0.1 * spread * rng.normal(size=5)).tolist())
+            folds = fold_radius(camera, lens) is not None
+            assert has_inverse(camera, lens) != folds
+            slight += not folds
+    assert slight > 30
