@@ -10,6 +10,7 @@ from msrr_bullet.render.raster.bodies import LoadedBodies
 from msrr_bullet.render.raster_renderer import RasterRenderer
 from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.mission import begin_planned
+from msrr_bullet.trial.seat_check import check_seats
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.trial import begin_mission
 from msrr_control.sequence.feasibility import check_sequence
@@ -78,6 +79,8 @@ def _check(scene: Scene) -> None:
                 raise step.robot.failure
             environment.locked.add(step.step)
         world = environment.simulation.world
+        if scene.plant == "bullet" and world is not None:
+            check_seats(scene, world)
         if scene.perception == "images" and world is not None:
             for camera in cameras:
                 renderer = build_renderer(camera.renderer, RenderContext(world.client, camera.samples))

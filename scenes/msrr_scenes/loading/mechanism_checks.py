@@ -26,7 +26,7 @@ _DRAWN_M = 1e-5
 
 def mechanism_problems(scene: Scene) -> Iterator[Problem]:
     """Yield active ports that are not straight ahead, and pins that do not fit the holes of a step."""
-    for unit, port, target, target_port in _pairs(scene):
+    for unit, port, target, target_port in docking_pairs(scene):
         mapped = f"port_{port}" in scene.units[unit].frames
         path: KeyPath = ("units", unit, "frames", f"port_{port}") if mapped else ("units", unit, "urdf")
         own = scene.geometry(unit)
@@ -41,7 +41,7 @@ def mechanism_problems(scene: Scene) -> Iterator[Problem]:
             yield Problem(path, f"{own.urdf.name}: {text}")
 
 
-def _pairs(scene: Scene) -> list[tuple[str, str, str, str]]:
+def docking_pairs(scene: Scene) -> list[tuple[str, str, str, str]]:
     """Return what may dock: unit, its active port, the target unit and its port."""
     if scene.shape is None:
         docks = (*scene.docks, *scene.assembled_docks)
