@@ -8,6 +8,7 @@ from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.render import RENDERERS, RenderContext, build_renderer
 from msrr_bullet.render.raster.bodies import LoadedBodies
 from msrr_bullet.render.raster_renderer import RasterRenderer
+from msrr_bullet.trial.camera_views import check_views
 from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.mission import begin_planned
 from msrr_bullet.trial.seat_check import check_seats
@@ -53,6 +54,7 @@ def check_trial(scene: Scene) -> None:
 def _check(scene: Scene) -> None:
     check_scene(scene)
     check_sequence(scene)
+    check_views(scene)
     resolve("assembler", scene.control.assembly.name, ASSEMBLERS)
     if scene.coordinated:
         from msrr_bullet.base_station.base_station import check_mission  # for the reason in begin_mission

@@ -16,7 +16,13 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.loading.problems import KeyPath, Problem
-from msrr_scenes.placement.placement import close_range_steps, draw_placement, nominal_units, target_in_cone
+from msrr_scenes.placement.placement import (
+    close_range_steps,
+    draw_placement,
+    nominal_units,
+    target_in_cone,
+    widest_edge,
+)
 from msrr_scenes.placement.start_regions import ancestors, outline, region, smallest_distance
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.bodies import TAG_PLATE_M
@@ -133,6 +139,17 @@ def _too_wide(scene: Scene) -> Iterator[Problem]:
                 f"ahead of the camera at contact, now {reach + los.setback_m:.4f} m; or raise inner_deg"
             )
             yield Problem(("los", "half_width_m"), text)
+            continue
+        widest = widest_edge(geometry.port(step.port).inverse(), geometry, los)
+        if widest > los.outer:  # one edge beyond the inner bound takes the unit aside by a few millimetres
+            X_UC = geometry.frame("camera").to_se2()
+            text = (
+                f"{geometry.urdf.name}: the camera is {1e3 * abs(X_UC.y):.0f} mm beside the x axis of the "
+                f"axle and turned by {math.degrees(X_UC.yaw):.0f} deg, so that at contact it sees an edge of "
+                f"{step.to} at {math.degrees(widest):.1f} deg, outside los.outer_deg = {los.outer_deg:g}: "
+                "the robot would park beside the port. Put it nearer to the axis, or let it look ahead"
+            )
+            yield Problem(("units", step.unit, "urdf"), text)
 
 
 def _unseen(scene: Scene) -> Iterator[Problem]:

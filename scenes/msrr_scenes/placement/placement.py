@@ -55,7 +55,12 @@ def draw(pose: PoseSpec, rng: np.random.Generator) -> SE2:
 
 
 def target_in_cone(X_DU: SE2, geometry: UnitGeometry, los: LosSpec) -> bool:
-    """Return whether both edges of the target lie inside the outer cone, seen from the unit's camera.
+    """Return whether both edges of the target lie inside the outer cone; see :func:`widest_edge`."""
+    return widest_edge(X_DU, geometry, los) <= los.outer
+
+
+def widest_edge(X_DU: SE2, geometry: UnitGeometry, los: LosSpec) -> float:
+    """Return the larger angle [rad] between the optical axis of a unit's camera and an edge of the target.
 
     Args:
         X_DU: Pose of the unit in the dock frame of its target.
@@ -64,8 +69,7 @@ def target_in_cone(X_DU: SE2, geometry: UnitGeometry, los: LosSpec) -> bool:
     """
     X_DC = X_DU @ geometry.frame("camera").to_se2()
     edges = X_DC.inverse().act([[los.setback_m, los.half_width_m], [los.setback_m, -los.half_width_m]])
-    angles = np.abs(np.arctan2(edges[:, 1], edges[:, 0]))
-    return bool(angles.max() <= los.outer)
+    return float(np.abs(np.arctan2(edges[:, 1], edges[:, 0])).max())
 
 
 def close_range_steps(scene: Scene) -> dict[str, DockStep]:

@@ -81,6 +81,28 @@ def test_each_way_out_of_a_target_that_is_too_wide_is_wide_enough() -> None:
                     load_scene("bystander", way)
 
 
+@pytest.mark.parametrize(
+    ("camera", "says"),
+    [
+        ("{link: camera, y_m: 0.02}", ""),
+        ("{link: camera, yaw_deg: 8}", ""),
+        (
+            "{link: camera, y_m: 0.06}",
+            r"camera is 60 mm beside the x axis .* by 0 deg, .* edge of b.rear at 3",
+        ),
+        ("{link: camera, yaw_deg: 20}", r"camera is 0 mm beside .* by 20 deg, .* edge of b.rear at 3"),
+    ],
+)
+def test_a_camera_beside_the_axis_sees_the_target_within_the_cone_at_contact(camera: str, says: str) -> None:
+    """The line-of-sight correction takes a robot aside that sees it farther out."""
+    frames = {"units.a.frames": f"{{camera: {camera}}}"}
+    if not says:
+        load_scene("close_range", frames)
+        return
+    with pytest.raises(SceneError, match=rf"units.a.urdf: unit.urdf: the {says}"):
+        load_scene("close_range", frames)
+
+
 def test_a_start_that_hardly_ever_sees_its_target_is_refused() -> None:
     """A trial of it would draw starts until it gives up, with some seeds."""
     narrow = {"los.half_width_m": "0.015", "los.inner_deg": "6.2", "los.outer_deg": "6.5"}
