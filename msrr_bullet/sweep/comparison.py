@@ -47,13 +47,6 @@ _FIGURES = (
     _Figure("smallest clearance", "m", "min_clearance_m", of_trial=min, tail=0.05),
 )
 
-#: Least expected number of trials beyond a quantile whose difference gets an interval: with fewer, the
-#: bootstrap tells equal sweeps apart in more than the 5 % of cases that its level says.
-_LEAST_BEYOND = 2.0
-
-#: Least number of trials with which a median gets one: five of equal sweeps lie on one side once in 16 times.
-_LEAST = 6
-
 #: Simulated time of a trial, which counts where the trial succeeded in both sweeps.
 _DURATION = _Figure("duration where both succeed", "s", "duration_s")
 
@@ -80,7 +73,7 @@ class ComparedQuantile(BaseModel, frozen=True, ser_json_inf_nan="strings"):
         second: Its value in the second sweep.
         difference: The second minus the first.
         interval: 95 % confidence interval of the difference, by a paired bootstrap; None if there are too few
-            trials for it: fewer than 40 for a 95th or 5th percentile, fewer than 6 for a median.
+            trials for it, see :class:`msrr_bullet.paired.Difference`.
     """
 
     q: float
@@ -92,7 +85,7 @@ class ComparedQuantile(BaseModel, frozen=True, ser_json_inf_nan="strings"):
     @property
     def is_apart(self) -> bool:
         """Whether the sweeps differ beyond chance: the interval does not hold zero."""
-        return self.interval is not None and Difference(self.difference, *self.interval).is_apart
+        return Difference(self.difference, self.interval).is_apart
 
 
 class ComparedFigure(BaseModel, frozen=True):
@@ -183,9 +176,7 @@ def _compared(figure: _Figure, pairs: Sequence[tuple[float | None, float | None]
     first, second = figure.factor * np.array(known, dtype=np.float64).reshape(-1, 2).T
     quantiles = []
     for q in (0.5, figure.tail) if known else ():
-        difference, *bounds = paired_difference(second, first, q)
-        enough = len(known) >= max(_LEAST, _LEAST_BEYOND / min(q, 1.0 - q))
-        interval = tuple(bounds) if enough else None
+        difference, interval = paired_difference(second, first, q)
         one, other = quantile(first, q), quantile(second, q)
         quantiles.append(
             ComparedQuantile(q=q, first=one, second=other, difference=difference, interval=interval)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from msrr_bullet.reproduce.report.comparisons import compare, largest
+from msrr_bullet.reproduce.report.comparisons import compare, largest, untold
 from msrr_bullet.reproduce.report.gain_delay_findings import count_cells, region
 from msrr_bullet.studies.gain_delay import C1, C1_WITHOUT
 from msrr_bullet.studies.labels import C2
@@ -22,12 +22,14 @@ class Balance:
         where: Plant and phase, or the map.
         better: Figures in which C1 is better beyond chance, each where it is so most, in words.
         worse: Figures in which C1 is worse, likewise.
+        untold: Figures that have too few trials to tell.
     """
 
     other: str
     where: str
     better: list[str]
     worse: list[str]
+    untold: list[str] = field(default_factory=list)
 
 
 def balances(results: Reproduction) -> list[Balance]:
@@ -54,7 +56,8 @@ def _against_each(tables: Iterable[Table], where: str) -> list[Balance]:
         changes = compare(tables, other, C1)
         if changes:
             name = f"C1 {other}" if other.startswith("without") else other
-            found.append(Balance(name, where, largest(changes, 1.0), largest(changes, -1.0)))
+            better, worse = largest(changes, 1.0), largest(changes, -1.0)
+            found.append(Balance(name, where, better, worse, untold(changes)))
     return found
 
 

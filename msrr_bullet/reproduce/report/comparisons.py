@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_bullet.paired import Difference, mcnemar, paired_difference
+from msrr_bullet.paired import mcnemar, paired_difference
 from msrr_bullet.reproduce.report.formatting import format_value
 from msrr_bullet.statistics import quantile
 from msrr_bullet.studies.measures import MEASURES, PATH_FOLLOWING, Measure, PhaseName
@@ -20,7 +20,8 @@ LEVEL = 0.05
 #: What is said of all comparisons.
 METHOD = (
     "Controllers are compared trial by trial: start and noise of a trial are the same under each. A rate"
-    " counts as different by McNemar's exact test, a quantile by the 95 % interval of a paired bootstrap."
+    " counts as different by McNemar's exact test, a quantile by the 95 % interval of a paired bootstrap,"
+    " which takes 40 trials or more for a 95th or 5th percentile."
     f" Each comparison has a level of {100 * LEVEL:g} %: of twenty figures without a difference one is"
     " listed."
 )
@@ -35,12 +36,12 @@ class Change:
     Attributes:
         figure: Name of the figure.
         effect: Amount by which the other controller is better, negative if it is worse; 0 if the two cannot
-            be told apart.
+            be told apart, None if there are too few trials to tell.
         text: Both figures and the evidence, in words.
     """
 
     figure: str
-    effect: float
+    effect: float | None
     text: str
 
 
@@ -95,9 +96,11 @@ def _compare_measure(table: Table, measure: Measure, first: Row, second: Row) ->
     ours, theirs = (format_value(quantile(v, measure.tail), measure) for v in (a, b))
     of = "" if a.size == first.trials else f", {a.size} trials"
     figure = f"{measure.label}, {100 * measure.tail:.0f}th percentile"
-    change = f"by {format_interval(difference, measure)}"
-    text = f"{figure} {theirs} instead of {ours} {measure.unit} ({table.setting}{of}; {change})"
-    return [Change(figure, sign * difference.value if difference.is_apart else 0.0, text)]
+    text = f"{figure} {theirs} instead of {ours} {measure.unit} ({table.setting}{of}"
+    if difference.interval is None:
+        return [Change(figure, None, f"{text}; too few trials)")]
+    effect = sign * difference.value if difference.is_apart else 0.0
+    return [Change(figure, effect, f"{text}; by {format_interval(difference.interval, measure)})")]
 
 
 def shared_values(measure: Measure, first: Row, second: Row) -> tuple[Array, Array]:
@@ -109,18 +112,22 @@ def shared_values(measure: Measure, first: Row, second: Row) -> tuple[Array, Arr
     return a[both], b[both]
 
 
-def format_interval(difference: Difference, measure: Measure) -> str:
+def format_interval(interval: tuple[float, float], measure: Measure) -> str:
     """Return the interval of a difference in the unit of the measure, without the unit."""
-    ends = (difference.low, difference.high)
-    return " .. ".join(f"{'-' if x < 0.0 else '+'}{format_value(abs(x), measure)}" for x in ends)
+    return " .. ".join(f"{'-' if x < 0.0 else '+'}{format_value(abs(x), measure)}" for x in interval)
 
 
 def largest(changes: Sequence[Change], sign: float) -> list[str]:
     """Return the changes for the better (1) or the worse (-1), of each figure the largest, in words."""
-    best: dict[str, Change] = {}
+    best: dict[str, tuple[float, str]] = {}
     for change in changes:
-        if sign * change.effect > 0.0 and (
-            change.figure not in best or sign * change.effect > sign * best[change.figure].effect
-        ):
-            best[change.figure] = change
-    return [change.text for change in best.values()]
+        amount = sign * (change.effect or 0.0)
+        if amount > 0.0 and (change.figure not in best or amount > best[change.figure][0]):
+            best[change.figure] = amount, change.text
+    return [text for _, text in best.values()]
+
+
+def untold(changes: Sequence[Change]) -> list[str]:
+    """Return the figures that have too few trials in every setting."""
+    told = {change.figure for change in changes if change.effect is not None}
+    return list(dict.fromkeys(change.figure for change in changes if change.figure not in told))

@@ -14,6 +14,7 @@ from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.measures import measure
 from msrr_bullet.studies.model import FlagName, Reproduction, Row, Table
 from msrr_scenes.specs.control import ControlSpec
+from msrr_scenes.wording import counted
 
 #: Plant and setting of the tables by which the laws are ranked: wide and hard starts under tight limits at
 #: 100 ms, with delay compensation and without.
@@ -88,7 +89,7 @@ def default_controller_text(results: Reproduction) -> str:
     worse = [law for law in others if law not in equal]
     shipped = ControlSpec()
     default = label_of(shipped.docking.name)
-    settings = "; ".join(f"{t.plant}, {t.rows[0].trials} trials: {t.description}" for t in tables)
+    settings = "; ".join(f"{t.plant}, {counted(t.rows[0].trials, 'trial')}: {t.description}" for t in tables)
     text = (
         f"The default docking controller is {default}, the default of the long-distance phase"
         f" {label_of(shipped.assembly.name)}. The evidence ({settings}): {best.label} is the best by docking"
@@ -168,8 +169,8 @@ def _rates_are_equal(law: _Law, best: _Law) -> bool:
 
 
 def _beside(base: Row, row: Row) -> str:
-    """Return in which figures a law differs from the default beyond chance, on the same trials."""
-    parts = []
+    """Return in which figures a law differs from the default beyond chance, and which have too few trials."""
+    parts, too_few = [], []
     figures: dict[FlagName, str] = {"success": "docked", "in_cone": "cone"}
     for name, figure in figures.items():
         a, b = base.by_trial(name), row.by_trial(name)
@@ -181,7 +182,11 @@ def _beside(base: Row, row: Row) -> str:
         shown = measure(key)
         ours, theirs = shared_values(shown, base, row)
         difference = paired_difference(theirs, ours, shown.tail) if ours.size else None
-        if difference is not None and difference.is_apart:
-            change = format_interval(difference, shown)
-            parts.append(f"{shown.label.split()[0]} {change} {shown.unit}")
+        quantity = shown.label.split()[0]
+        if difference is None or difference.interval is None:
+            too_few.append(quantity)
+        elif difference.is_apart:
+            parts.append(f"{quantity} {format_interval(difference.interval, shown)} {shown.unit}")
+    if too_few:
+        parts.append(f"too few trials: {', '.join(too_few)}")
     return "; ".join(parts)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from msrr_bullet.reproduce.report.comparisons import compare, largest
+from msrr_bullet.reproduce.report.comparisons import compare, largest, untold
 from msrr_bullet.studies.ablations import ablation_jobs
 from msrr_bullet.studies.model import Measured, Row, Table, rates_of
 from msrr_bullet.studies.settings import STANDARD
@@ -13,15 +13,22 @@ from msrr_scenes.random_streams import stream
 TRIALS = 200
 
 
-def row(label: str, *, lost: range = range(0), port: np.ndarray | None = None, **measures: object) -> Row:
-    """A row of 200 trials of the close phase, all docked; those in ``lost`` left the cone."""
-    every, kept = np.ones(TRIALS, dtype=bool), np.ones(TRIALS, dtype=bool)
+def row(
+    label: str,
+    *,
+    trials: int = TRIALS,
+    lost: range = range(0),
+    port: np.ndarray | None = None,
+    **measures: object,
+) -> Row:
+    """A row of trials of the close phase, all docked; those in ``lost`` left the cone."""
+    every, kept = np.ones(trials, dtype=bool), np.ones(trials, dtype=bool)
     kept[lost] = False
-    values = {"port": np.full(TRIALS, 0.002) if port is None else port, **measures}
+    values = {"port": np.full(trials, 0.002) if port is None else port, **measures}
     return Row(
         controller="c1",
         label=label,
-        trials=TRIALS,
+        trials=trials,
         **rates_of(success=every, in_view=every, in_cone=kept),
         measures={key: Measured.of(v) for key, v in values.items()},
     )
@@ -67,6 +74,22 @@ def test_trials_are_paired_though_some_lack_a_value() -> None:
     changes = compare([table(row("C1", port=port), row("C2", port=other))], "C1", "C2")
     (text,) = largest(changes, -1.0)
     assert text.endswith(f" mm (here, {np.isfinite(other).sum()} trials; by +1 .. +1)")
+
+
+def test_too_few_trials_draw_no_verdict() -> None:
+    """Ten trials of which each is 10 m worse: a 95th percentile is told from 40 trials on."""
+    few, many = (
+        table(row("C1", trials=n), row("C2", trials=n, port=np.full(n, 10.0)), setting=f"{n} trials")
+        for n in (39, 40)
+    )
+    changes = compare([few], "C1", "C2")
+    assert largest(changes, 1.0) == largest(changes, -1.0) == []
+    assert untold(changes) == ["final error to the port, 95th percentile"]
+    assert changes[-1].text.endswith(" instead of 2 mm (39 trials; too few trials)")
+    changes = compare([few, many], "C1", "C2")
+    assert untold(changes) == []
+    (text,) = largest(changes, -1.0)
+    assert "(40 trials; by " in text
 
 
 def test_infinite_times_do_not_differ_from_each_other() -> None:

@@ -15,13 +15,14 @@ from msrr_scenes.specs.spec import Choice
 
 
 def row(label: str, settling: list[float], **optional: object) -> Row:
-    """A row of 20 trials of the close phase."""
-    every = np.ones(20, dtype=bool)
-    others = {key: Measured.of([0.001] * 20) for key in ("final", "port", "lateral", "yaw")}
+    """A row of trials of the close phase."""
+    trials = len(settling)
+    every = np.ones(trials, dtype=bool)
+    others = {key: Measured.of([0.001] * trials) for key in ("final", "port", "lateral", "yaw")}
     return Row(
         controller="c1",
         label=label,
-        trials=20,
+        trials=trials,
         **rates_of(success=every, in_view=every, in_cone=every),
         measures={"settling": Measured.of(settling), **others},
         **optional,
@@ -101,8 +102,17 @@ def test_both_distances_stand_in_the_report(tmp_path: Path) -> None:
         assert text in page
 
 
+def test_figures_with_too_few_trials_are_named_in_the_report(tmp_path: Path) -> None:
+    rows = (row("C1", [1.0] * 39), row("CBF", [9.0] * 39))
+    table = Table(phase="close", plant="unicycle", setting="standard", description="", rows=rows)
+    page = write_report(
+        Reproduction(versions={}, seeds={}, tables=(table,)), {}, tmp_path / "r.html"
+    ).read_text()
+    assert "unicycle, close phase; too few trials: time to stay under 15 mm, 95th percentile, " in page
+
+
 def test_the_effect_of_each_part_is_in_the_report(tmp_path: Path) -> None:
-    rows = (row("C1", [1.0] * 20), row("without it", [9.0] * 20))
+    rows = (row("C1", [1.0] * 40), row("without it", [9.0] * 40))
     table = Table(phase="close", plant="unicycle", setting="standard", description="", rows=rows)
     ablations = Ablations(phase="close", tables=(table,))
     results = Reproduction(versions={}, seeds={}, ablations=(ablations,))

@@ -72,18 +72,30 @@ def test_of_equal_rates_the_one_of_fewer_trials_is_told() -> None:
 def test_what_differs_from_the_default_beyond_chance_is_said() -> None:
     """Six trials lost and none won have p = 0.03, five 0.06; equal values have an interval of no width."""
     rows = (
-        row("CBF"),
-        row("C1", in_cone=14, lateral_m=0.003, time_s=6.5),
-        row("LINEAR", in_cone=15),
-        row("C1, tuned", docked=0),
+        row("CBF", 40, 40, trials=40),
+        row("C1", 40, 34, lateral_m=0.003, time_s=6.5, trials=40),
+        row("LINEAR", 40, 35, trials=40),
+        row("C1, tuned", docked=0, trials=40),
     )
     found = {r[1]: r for r in ranking(results(table("hard starts", *rows, plant="bullet")))}
     assert set(found) == {"CBF", "C1", "LINEAR"}
     assert found["CBF"][BESIDE] == "-"
     assert found["C1"][BESIDE] == "cone: 6 lost, 0 won; time -0.5 .. -0.5 s; lateral +2 .. +2 mm"
     assert found["LINEAR"][BESIDE] == "nothing beyond chance"
-    assert found["C1"][CONE].startswith("70.0 % (")
+    assert found["C1"][CONE].startswith("85.0 % (")
     assert (found["C1"][TIME], found["C1"][LATERAL]) == ("6.5 / 6.5", "3 / 3")
+
+
+def test_too_few_trials_for_a_percentile_are_said() -> None:
+    """The largest of 20 errors alone lies beyond the 95th percentile, whatever the laws are."""
+    found = ranking(results(table("hard", row("CBF"), row("C1", in_cone=14, lateral_m=0.003))))
+    beside = {r[1]: r[BESIDE] for r in found}
+    assert beside["C1"] == "cone: 6 lost, 0 won; too few trials: time, lateral, yaw"
+
+
+def test_one_trial_is_no_trials() -> None:
+    text = default_controller_text(results(table("hard", row("CBF", 1, 1, trials=1))))
+    assert "(unicycle, 1 trial: here, hard)" in text
 
 
 def test_the_best_controller_is_named_with_those_that_cannot_be_told_from_it() -> None:
