@@ -124,7 +124,7 @@ class Slope(StudyPart):
 
     Attributes:
         rms: Root of the squared changes over the squared sizes.
-        low: Lower bound of its 95 % interval, by bootstrap over the trials.
+        low: Lower bound of its 95 % interval, from the scatter of the squares between trials.
         high: Upper bound.
         systematic: Least squares of the signed change on the signed error, through the origin: the part that
             is the same in every trial. None for errors that are drawn for each tag.

@@ -6,16 +6,13 @@ from collections.abc import Iterable
 from typing import Literal
 
 import numpy as np
-from scipy.stats import bootstrap
+from scipy.stats import chi2
 
 from msrr_bullet.tolerance.model import Slope, StudyTrial
 from msrr_scenes.arrays import Array
 
-#: Resamples of the bootstrap; the same ones in every study.
-_RESAMPLES = 2000
 
-
-def fit_slope(error: Array, change: Array, *, drawn: bool) -> Slope:
+def fit_slope(error: Array, change: Array, seed: Array, *, drawn: bool) -> Slope:
     """Return the slope of signed changes over signed errors.
 
     Magnitudes of errors at contact cannot be subtracted from each other: +1 mm that becomes -1 mm is a change
@@ -26,27 +23,39 @@ def fit_slope(error: Array, change: Array, *, drawn: bool) -> Slope:
     Args:
         error: Signed errors of the effect, shape (N,), none of them zero; standard deviations if ``drawn``.
         change: Signed error at contact minus that of the same trial without the effect, shape (N,).
+        seed: Seed of the trial, shape (N,); docks of one trial need not be independent of each other.
         drawn: Whether the errors are not known but only their standard deviation.
     """
+    rms = float(np.sqrt((change**2).sum() / (error**2).sum()))
+    mean = float((error * change).sum() / (error**2).sum())
+    low, high = _interval(error, change, seed, rms, mean)
+    return Slope(rms=rms, low=low, high=high, systematic=None if drawn else mean, pairs=len(error))
 
-    def rms(x: Array, dy: Array, axis: int = -1) -> Array:
-        return np.asarray(np.sqrt((dy**2).sum(axis) / (x**2).sum(axis)))
 
-    value = float(rms(error, change))
-    low = high = value
-    if len(error) > 1:
-        interval = bootstrap(
-            (error, change),
-            rms,
-            paired=True,
-            vectorized=True,
-            n_resamples=_RESAMPLES,
-            method="percentile",
-            rng=np.random.default_rng(0),
-        ).confidence_interval
-        low, high = float(interval.low), float(interval.high)
-    systematic = None if drawn else float((error * change).sum() / (error**2).sum())
-    return Slope(rms=value, low=low, high=high, systematic=systematic, pairs=len(error))
+def _interval(error: Array, change: Array, seed: Array, rms: float, mean: float) -> tuple[float, float]:
+    """Return a 95 % interval of the root mean square, from the scatter of the squares between trials.
+
+    The mean square counts as chi-square with the degrees of freedom that its variance has (Satterthwaite,
+    An Approximate Distribution of Estimates of Variance Components, 1946). So few squares often scatter less
+    than they should, so that their variance is at least that of normal changes about the same mean.
+    Simulated, with 10, 20 and 30 trials it holds normal changes in 94 to 96 % of cases, such of Student's t
+    with three degrees of freedom, whose squares have no finite variance, in 80, 76 and 75 %.
+    """
+    if rms == 0.0:
+        return 0.0, 0.0
+    of_trial = np.unique(seed, return_inverse=True)[1]
+    squares, sizes = (np.bincount(of_trial, weights=values**2) for values in (change, error))
+    n, constant = len(sizes), 0.0
+    relative = squares / (rms**2 * sizes.sum()) - sizes / sizes.sum()
+    variance = 0.0
+    if n > 1:
+        variance = n / (n - 1) * float((relative**2).sum())
+        # The share of the mean in the mean square, less what chance makes of it.
+        constant = max(0.0, (n * (mean / rms) ** 2 - 1.0) / (n - 1))
+    variance = max(variance, 2.0 / n * (1.0 - constant**2), 1e-16)
+    freedom = 2.0 / variance
+    low, high = (rms * float(np.sqrt(freedom / chi2.ppf(p, freedom))) for p in (0.975, 0.025))
+    return low, high
 
 
 def contact_slope(
@@ -66,12 +75,12 @@ def contact_slope(
     """
     before = {trial.seed: trial.contacts for trial in without}
     pairs = [
-        (trial.error, getattr(contact, quantity) - getattr(before[trial.seed][dock], quantity))
+        (trial.error, getattr(contact, quantity) - getattr(before[trial.seed][dock], quantity), trial.seed)
         for trial in with_effect
         for dock, contact in trial.contacts.items()
         if dock in before.get(trial.seed, {})
     ]
     if not pairs:
         return None
-    error, change = np.array(pairs, dtype=np.float64).T
-    return fit_slope(error, change, drawn=drawn)
+    error, change, seed = np.array(pairs, dtype=np.float64).T
+    return fit_slope(error, change, seed, drawn=drawn)
