@@ -23,6 +23,5 @@ def merge(
     for path in stores:
         check_store(path)  # before a new store is made of nothing
     with TrialStore(into) as store:
-        for path in stores:
-            added, held = store.merge(path)
+        for path, (added, held) in zip(stores, store.merge(*stores), strict=True):
             typer.echo(f"{path}: {added} results added, {held} were there already")

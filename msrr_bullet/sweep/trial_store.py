@@ -10,6 +10,7 @@ from typing import Any
 
 from msrr_bullet.trial.result import ResultError, TrialResult
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.outcome import Outcome
 
 #: Version of the tables and of the results in them; it is increased with every change.
 LAYOUT = 4
@@ -113,33 +114,47 @@ class TrialStore:
         rows = self._rows(query, (scene_hash, code))
         return {seed: self._result(seed, text) for seed, text in rows if seed in wanted}
 
-    def merge(self, other: Path) -> tuple[int, int]:
-        """Add the scenes and results of another store.
+    def merge(self, *others: Path) -> list[tuple[int, int]]:
+        """Add the scenes and results of other stores, all of them or none.
+
+        A result that ended as ``program_failed`` gives way to one that did not, whichever is here.
 
         Returns:
-            Number of results that were added, and of those that were here already.
+            Of each store the number of results that were added, and of those that were here already.
 
         Raises:
-            StoreError: The other file is no store, one of its results cannot be read, or one of the same
-                scene, seed, code and machine differs. Nothing is added then. One of another processor or C
-                library may differ; that which is here is kept.
+            StoreError: A file is no store, one of its results cannot be read, or one of the same scene, seed,
+                code and machine differs. Nothing is added then. One of another processor or C library may
+                differ; that which is here is kept.
         """
-        check_store(other)
+        for other in others:
+            check_store(other)
+        try:
+            with self._db:  # one transaction
+                return [self._add(other) for other in others]
+        except _ERRORS as error:
+            raise StoreError(f"{self._path}: cannot be written: {error}") from None
+
+    def _add(self, other: Path) -> tuple[int, int]:
         with TrialStore(other) as source:
             scenes, trials = source._rows("SELECT * FROM scenes"), source._rows("SELECT * FROM trials")
+        failed = Outcome.PROGRAM_FAILED.value
         added = []
         for row in trials:
-            query = "SELECT result FROM trials WHERE scene_hash = ? AND seed = ? AND code = ?"
+            query = "SELECT outcome, result FROM trials WHERE scene_hash = ? AND seed = ? AND code = ?"
             here = self._rows(query, row[:3])
-            if here and here[0][0] == row[4]:
+            if here and here[0][1] == row[4]:
                 continue
             result = source._result(row[1], row[4])  # read before it is added, for it would spoil this store
-            if not here:
+            if not here or (here[0][0] == failed and row[3] != failed):
                 added.append(row)
-            elif self._result(row[1], here[0][0]).versions == result.versions:
-                raise StoreError(f"{other}: its result of seed {row[1]} is another one than in {self._path}")
-        self._write("INSERT OR IGNORE INTO scenes VALUES (?, ?, ?)", *scenes)
-        self._write("INSERT INTO trials VALUES (?, ?, ?, ?, ?)", *added)
+            elif row[3] != failed and self._result(row[1], here[0][1]).versions == result.versions:
+                raise StoreError(
+                    f"{other}: its result of seed {row[1]} is another one than in {self._path}; run that seed"
+                    " with msrr sweep --fresh, and leave out the store whose result is another one"
+                )
+        self._db.executemany("INSERT OR IGNORE INTO scenes VALUES (?, ?, ?)", scenes)
+        self._db.executemany("INSERT OR REPLACE INTO trials VALUES (?, ?, ?, ?, ?)", added)
         return len(added), len(trials) - len(added)
 
     def _result(self, seed: int, text: str) -> TrialResult:
@@ -157,9 +172,9 @@ class TrialStore:
         except _ERRORS as error:
             raise StoreError(f"{self._path}: cannot be read: {error}") from None
 
-    def _write(self, statement: str, *rows: tuple[object, ...]) -> None:
+    def _write(self, statement: str, row: tuple[object, ...]) -> None:
         try:
-            with self._db:  # all rows or none
-                self._db.executemany(statement, rows)
+            with self._db:
+                self._db.execute(statement, row)
         except _ERRORS as error:
             raise StoreError(f"{self._path}: cannot be written: {error}") from None

@@ -15,6 +15,7 @@ from msrr_bullet.sweep.summary import SweepSummary
 from msrr_bullet.sweep.sweep import sweep
 from msrr_bullet.sweep.trial_store import StoreError, TrialStore
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
+from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
 
@@ -93,8 +94,25 @@ def test_a_result_of_another_processor_contradicts_none(
         store.put(there, "code")
     with TrialStore(tmp_path / "here.sqlite") as store:
         store.put(here, "code")
-        assert store.merge(tmp_path / "there.sqlite") == (0, 1)
+        assert store.merge(tmp_path / "there.sqlite") == [(0, 1)]
         assert store.get(here.scene_hash, "code", [0]) == {0: here}
+
+
+@pytest.mark.parametrize("into_the_failed", [True, False])
+def test_a_failed_program_gives_way_to_a_result(
+    scene: Scene, made_up: TrialFunction, tmp_path: Path, into_the_failed: bool
+) -> None:
+    """A sweep runs such a trial again; until then it barred the merge of its store for good."""
+    good = made_up(scene, 0)
+    failed = good.model_copy(update={"outcome": Outcome.PROGRAM_FAILED, "reason": "division by zero"})
+    paths = [tmp_path / "good.sqlite", tmp_path / "failed.sqlite"]
+    for path, result in zip(paths, (good, failed), strict=True):
+        with TrialStore(path) as store:
+            store.put(result, "code")
+    source, target = paths if into_the_failed else paths[::-1]
+    with TrialStore(target) as store:
+        assert store.merge(source) == [(1, 0) if into_the_failed else (0, 1)]
+        assert store.get(good.scene_hash, "code", [0]) == {0: good}
 
 
 def test_stores_are_merged_and_a_contradiction_changes_nothing(
@@ -123,7 +141,13 @@ def test_stores_are_merged_and_a_contradiction_changes_nothing(
         db.execute("UPDATE trials SET result = replace(result, 'made up', 'made') WHERE seed = 3")
         db.execute("UPDATE trials SET seed = 9 WHERE seed = 0")
     assert run(["merge", str(parts[0]), "--into", str(whole)]) == 2
-    assert "its result of seed 3 is another one" in capsys.readouterr().err
+    told = " ".join(capsys.readouterr().err.split())
+    assert "its result of seed 3 is another one" in told
+    assert "run that seed with msrr sweep --fresh, and leave out the store" in told
+    more = tmp_path / "2.sqlite"
+    sweep(scene, range(6, 8), store=more, executor=inline, trial=made_up)
+    assert run(["merge", str(more), str(parts[0]), "--into", str(whole)]) == 2
+    assert "added" not in capsys.readouterr().out
     assert run(["merge", str(tmp_path / "none.sqlite"), "--into", str(whole)]) == 2
     assert "none.sqlite: no such store" in capsys.readouterr().err
     (tmp_path / "notes.txt").touch()
