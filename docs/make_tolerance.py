@@ -78,7 +78,8 @@ def slope_cells(effect: EffectResult) -> list[str]:
 def page(study: ToleranceStudy) -> str:
     """Return the page of a study."""
     found = contributions(study)
-    grades = table(wording.GRADE_COLUMNS, [wording.grade_cells(sample, found) for sample in study.grades])
+    cells = [wording.grade_cells(sample, found, study.all_graded) for sample in study.grades]
+    grades = table(wording.GRADE_COLUMNS, cells)
     columns = ("effect", "docks to, and no longer", "mm", "of it to one side", "deg", "how trials beyond end")
     return "\n".join(
         [

@@ -22,10 +22,10 @@ class Contribution:
         effect: The effect.
         lateral_mm: Lateral error at contact that it adds at one standard deviation, root mean square [mm];
             0 without a contact.
-        lateral_share: Share of its square in the squares of all effects.
+        lateral_share: Share of its square in the squares of all effects that were tried.
         used: Standard deviation over the size at which docking falls below 95 %, or over 1.96 times that size
             where it is drawn for each tag; 0 without such a size.
-        used_share: Share of its square in the squares of all effects.
+        used_share: Share of its square in the squares of all effects that were tried.
     """
 
     effect: EffectResult

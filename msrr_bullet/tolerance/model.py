@@ -190,6 +190,7 @@ class ToleranceStudy(StudyPart):
         scene: Name of the scene.
         told: Tolerances that the robots know while effects are tried alone.
         versions: Versions of Python and packages.
+        all_graded: Whether all effects that the grades have and that act in the scene were tried.
         seeds: Seeds of every effect, and of the trials without any.
         drawn: Trials in which everything is as drawn, with the seeds of the effects.
         grades: Trials with everything together, by grade.
@@ -199,6 +200,7 @@ class ToleranceStudy(StudyPart):
     scene: str
     told: str
     versions: dict[str, str]
+    all_graded: bool = True
     seeds: tuple[int, ...]
     drawn: Sample
     grades: tuple[GradeSample, ...]

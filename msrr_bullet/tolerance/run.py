@@ -62,6 +62,7 @@ def run_study(
             grades,
             seeds=seeds,
             grade_seeds=grade_seeds,
+            all_graded={e.name for e in known if e.graded} <= {e.name for e in chosen},
             store=out / STORE,
             jobs=jobs,
             wall_limit_s=wall_limit_s,

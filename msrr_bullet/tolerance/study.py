@@ -35,6 +35,7 @@ def tolerance_study(
     *,
     seeds: Sequence[int],
     grade_seeds: Sequence[int],
+    all_graded: bool = True,
     store: Path | None = None,
     jobs: int = 1,
     executor: SupportsSubmit | None = None,
@@ -54,6 +55,8 @@ def tolerance_study(
         grades: Grades that are tried.
         seeds: Seeds of every effect.
         grade_seeds: Seeds of every grade.
+        all_graded: Whether the effects are all that the grades have and that act in the scene: only then can
+            they be added up to a grade.
         store: SQLite file of results, from which an interrupted study resumes.
         jobs: Number of trials that run at the same time.
         executor: Runs the trials instead of a pool of ``jobs`` processes.
@@ -97,6 +100,7 @@ def tolerance_study(
         scene=scene.name,
         told=str(scene.as_built.told()),
         versions=package_versions(),
+        all_graded=all_graded,
         seeds=tuple(seeds),
         drawn=Sample.of(without),
         grades=tuple(GradeSample.of(found, grade=grade) for grade, found in zip(grades, under, strict=True)),

@@ -91,18 +91,21 @@ def systematic(value: Slope | None) -> str:
     return f"{value.systematic:+.3g}"
 
 
-def grade_cells(sample: GradeSample, found: Sequence[Contribution]) -> list[str]:
-    """Return the cells of a grade in the table of grades, of which :data:`GRADE_COLUMNS` are the heads."""
+def grade_cells(sample: GradeSample, found: Sequence[Contribution], all_graded: bool) -> list[str]:
+    """Return the cells of a grade in the table of grades, of which :data:`GRADE_COLUMNS` are the heads.
+
+    Without all effects of the grades there is nothing to say of what the parts predict.
+    """
     docked, lateral_mm = predicted(found, sample.grade)
-    rms = sample.lateral_rms_mm
+    rms = NONE if sample.lateral_rms_mm is None else f"{sample.lateral_rms_mm:.2f}"
     return [
         sample.grade,
         counted(sample),
         interval(sample.docked),
         median_and_95(sample.lateral_mm),
         median_and_95(sample.yaw_deg),
-        f"{NONE if rms is None else f'{rms:.2f}'} ({lateral_mm:.2f})",
-        f"{100 * docked:.0f} %",
+        f"{rms} ({lateral_mm:.2f})" if all_graded else rms,
+        f"{100 * docked:.0f} %" if all_graded else NONE,
         outcomes(sample),
     ]
 
@@ -167,14 +170,20 @@ def findings(study: ToleranceStudy, found: Sequence[Contribution]) -> list[str]:
                 f"With everything built by the grade careful {counted(sample)} trials docked"
                 f" ({interval(sample.docked)}){error}."
             )
+    if not study.all_graded:
+        said.append(
+            "Not all effects that the grades have were tried: shares are those in what the tried ones add up"
+            " to, and nothing is predicted for a grade."
+        )
+    tried = "" if study.all_graded else "Of the effects tried, "
     for title, shares in (
-        ("What docking tolerates is used up most by", [c.used_share for c in found]),
-        ("The largest shares in the squared lateral error have", [c.lateral_share for c in found]),
+        (f"{tried}what docking tolerates is used up most by", [c.used_share for c in found]),
+        (f"{tried}the largest shares in the squared lateral error have", [c.lateral_share for c in found]),
     ):
         largest = sorted(zip(shares, found, strict=True), key=lambda pair: pair[0], reverse=True)[:4]
         listed = [f"{c.effect.name} ({percent(share)})" for share, c in largest if share > 0.0]
         if listed:
-            said.append(f"{title} {', '.join(listed)}.")
+            said.append(f"{title[0].upper()}{title[1:]} {', '.join(listed)}.")
     harmless = [e for e in study.effects if e.fails is None]
     if harmless:
         said.append(

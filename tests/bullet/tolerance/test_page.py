@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
+from msrr_bullet.tolerance.error_budget import contributions
 from msrr_bullet.tolerance.model import SizeSample, ToleranceStudy
 from msrr_bullet.tolerance.page import write_study
-from msrr_bullet.tolerance.wording import beyond
+from msrr_bullet.tolerance.wording import beyond, findings, grade_cells
 
 
 class Page(HTMLParser):
@@ -55,6 +56,22 @@ def test_the_page_shows_every_effect_and_grade(folder: Path, study: ToleranceStu
     assert sum(tag == "tr" for tag, _ in page.tags) == 3 + len(study.grades) + 2 * len(study.effects)
     labels = [a.get("data-label") for tag, a in page.tags if tag == "td"]
     assert all(labels)  # on a narrow page, on which the heads are hidden, each cell says what it is
+
+
+def test_some_effects_are_not_added_up_to_a_grade(study: ToleranceStudy, tmp_path: Path) -> None:
+    """A robot of a grade has the errors of the others as well."""
+    whole, part = (study.model_copy(update={"all_graded": all_graded}) for all_graded in (True, False))
+    found = contributions(study)
+    (tmp_path / "page").mkdir()
+    for some, predicts in ((whole, True), (part, False)):
+        write_study(some, tmp_path / "page")
+        page = " ".join((tmp_path / "page" / "tolerance.html").read_text().split())
+        assert ("effects act on each other" in page) == predicts
+        said = " ".join(findings(some, found))
+        assert ("Of the effects tried, what docking tolerates is used up most by" in said) != predicts
+        assert ("nothing is predicted for a grade" in said) != predicts
+        *_, rms, docked, _ = grade_cells(some.grades[1], found, some.all_graded)
+        assert ("(" in rms) == ("%" in docked) == predicts
 
 
 def test_the_json_is_the_study(folder: Path, study: ToleranceStudy) -> None:

@@ -1,7 +1,7 @@
 """The study finds the law that its trials follow, asks for each trial once, and resumes."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from statistics import NormalDist
 from typing import Any
@@ -13,6 +13,7 @@ from msrr_bullet.sweep.worker_pool import SupportsSubmit
 from msrr_bullet.tolerance.effects import Effect, select_effects
 from msrr_bullet.tolerance.error_budget import contributions, predicted
 from msrr_bullet.tolerance.model import EffectResult, ToleranceStudy
+from msrr_bullet.tolerance.run import run_study
 from msrr_bullet.tolerance.study import tolerance_study
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.outcome import Outcome
@@ -175,3 +176,19 @@ def test_a_study_of_real_trials_resumes_from_its_store(
     assert wheel.lateral.systematic is not None
     assert wheel.lateral.systematic < 0.0  # a larger left wheel pushes to the right
     assert tags.lateral.rms > 0.0
+
+
+@pytest.mark.parametrize(("names", "whole"), [(["onboard.yaw_deg"], False), ((), True)])
+def test_a_study_knows_whether_it_tries_all_that_the_grades_have(
+    scene: Scene, names: Sequence[str], whole: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[bool] = []
+
+    def stop(*_: Any, all_graded: bool, **__: Any) -> ToleranceStudy:
+        told.append(all_graded)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("msrr_bullet.tolerance.run.tolerance_study", stop)
+    with pytest.raises(KeyboardInterrupt):
+        run_study(scene, tmp_path, seeds=range(2), grade_seeds=range(1), effects=names)
+    assert told == [whole]
