@@ -98,8 +98,10 @@ def bench(
     if profile and compares:
         raise SceneError("--profile: expected no --grade and no --units; it runs one trial of the scene")
     settings = parse_overrides(overrides)
+    taken = [against]
     for option, file in (("--json", json_file), ("--plot", plot), ("--profile", profile)):
-        check_writable(file, option)
+        check_writable(file, option, taken)
+        taken.append(file)
     if profile is not None:
         _profile(target, settings, profile)
         return

@@ -155,21 +155,22 @@ def sweep(
     stopped: Terminated | StoreError | ChangedFileError | None = None
     summary: SweepSummary | None = None
     try:
-        with naming_overrides(given), progress_bar(console) as bar:
+        with progress_bar(console) as bar:
             ended = _EndedTrials(bar, loaded, len(wanted))
             run = partial(run_sweep, loaded, wanted, store=kept, observer=ended.show, wall_limit_s=wall_limit)
-            try:
-                if dask is None:
-                    prepare_cameras(loaded, lambda text: bar.console.print(text, highlight=False))
-                    summary = run(jobs or DEFAULT_JOBS)
-                else:
-                    with dask_cluster(dask) as cluster:
-                        summary = run(cluster.slots, executor=cluster.executor)
-            except (Terminated, StoreError, ChangedFileError) as error:
-                if not ended.of(wanted):
-                    raise
-                stopped = error
-                summary = summary_of(loaded, ended.of(wanted), reused=ended.reused, interrupted=True)
+            with naming_overrides(given):
+                try:
+                    if dask is None:
+                        prepare_cameras(loaded, lambda text: bar.console.print(text, highlight=False))
+                        summary = run(jobs or DEFAULT_JOBS)
+                    else:
+                        with dask_cluster(dask) as cluster:
+                            summary = run(cluster.slots, executor=cluster.executor)
+                except (Terminated, StoreError, ChangedFileError) as error:
+                    if not ended.of(wanted):
+                        raise
+                    stopped = error
+                    summary = summary_of(loaded, ended.of(wanted), reused=ended.reused, interrupted=True)
             rows = ended.of(wanted)
             # Before anything is shown, for the reader of the standard output may have gone away.
             write_outputs([(json_file, summary.to_json), (csv_file, lambda: trials_csv(rows))])

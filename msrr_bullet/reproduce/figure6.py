@@ -6,7 +6,7 @@ import numpy as np
 
 from msrr_bullet.reproduce.trial_series import DockingSeries, SeriesRecorder
 from msrr_bullet.studies.docking_studies import docking_series, with_paper_trajectory
-from msrr_bullet.studies.gain_delay import C1, PAPER_LIKE, delayed, law_at
+from msrr_bullet.studies.gain_delay import C1, delayed, law_at
 from msrr_bullet.studies.labels import C2
 from msrr_bullet.studies.series import Figure6, Series
 from msrr_scenes.errors import MsrrError
@@ -14,9 +14,9 @@ from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
 
 
-def unicycle_figure6(seed: int) -> Figure6:
-    """Run one trial of each law on a unicycle."""
-    gain, latency = PAPER_LIKE
+def unicycle_figure6(seed: int, cell: tuple[float, float]) -> Figure6:
+    """Run one trial of each law on a unicycle, at a gain [1/s] and a latency [s]."""
+    gain, latency = cell
     setting = delayed(latency, compensated=False)
     return Figure6(
         plant="unicycle",
@@ -25,11 +25,12 @@ def unicycle_figure6(seed: int) -> Figure6:
     )
 
 
-def bullet_figure6(seed: int, replaced: dict[str, str] | None = None) -> Figure6:
+def bullet_figure6(seed: int, cell: tuple[float, float], replaced: dict[str, str] | None = None) -> Figure6:
     """Run the first approach of each law with contact and images, on the paper's trajectory as well.
 
     Args:
         seed: Seed of the trials.
+        cell: Gain [1/s] and latency [s].
         replaced: More values of the scene to override, such as a plant without contact.
 
     Raises:
@@ -38,7 +39,7 @@ def bullet_figure6(seed: int, replaced: dict[str, str] | None = None) -> Figure6
     # A process that only draws figures does not load the simulator.
     from msrr_bullet.trial.trial import Trial
 
-    gain, latency = PAPER_LIKE
+    gain, latency = cell
     scene_name = "close_range"
     series = {}
     for label in (C1, C2):

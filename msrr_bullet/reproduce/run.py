@@ -17,6 +17,7 @@ from msrr_bullet.reproduce.report.panel_plot import draw_panels
 from msrr_bullet.reproduce.report.strip_plot import draw_strips
 from msrr_bullet.reproduce.unicycle_studies import Contenders, reproduce_unicycle
 from msrr_bullet.run_folder import make_folder
+from msrr_bullet.studies.gain_delay import PAPER_LIKE
 from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.model import Reproduction
 from msrr_bullet.studies.search_space import Part
@@ -79,7 +80,8 @@ def reproduce(
         experiments = paper_experiments(docking, mission)
         found = reproduce_bullet(experiments, bullet, out / "trials", jobs, report)
         report("the paper's Fig. 6 in the real loop")
-        parts.append(found.model_copy(update={"figure6": (bullet_figure6(bullet.start),)}))
+        cell = parts[0].maps[0].paper_cell if parts else PAPER_LIKE
+        parts.append(found.model_copy(update={"figure6": (bullet_figure6(bullet.start, cell),)}))
     whole = joined(parts)
     report("figures and report")
     write_all(whole, out)

@@ -21,7 +21,8 @@ LATENCIES = (0.0, 0.02, 0.04, 0.06, 0.08, 0.10, 0.13, 0.16, 0.20)
 
 C1 = label_of("c1")
 
-#: Gain [1/s] and latency [s] of the cell whose final errors are most like the paper's, see ``paper_cell``.
+#: Gain [1/s] and latency [s] of the cell whose final errors are most like the paper's in the shipped results,
+#: for a reproduction that makes no map; see ``GainDelayMap.paper_cell``.
 PAPER_LIKE = (8.0, 0.06)
 
 #: C1 and C2, and each with the other's treatment of the drive's limits: registered name and parameters by

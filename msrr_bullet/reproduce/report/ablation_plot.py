@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -60,11 +60,19 @@ def draw_ablations(ablations: Ablations, path: Path) -> Path:
             for k, row in enumerate(ablations.tables[0].rows)
         ]
         figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
-        note = "whiskers: 95 % intervals" + (
-            "; hit: through the obstacle" if ablations.phase == "long" else ""
-        )
-        figure.suptitle(f"C1 without one of its parts, {ablations.phase} phase, unicycle ({note})")
+        note = whisker_note(ablations, measures)
+        figure.suptitle(f"C1 without one of its parts, {ablations.phase} phase, unicycle\n{note}")
         return save(figure, path)
+
+
+def whisker_note(ablations: Ablations, measures: Sequence[Measure]) -> str:
+    """Return what the figure's whiskers and words mean."""
+    rows = [row for table in ablations.tables for row in table.rows]
+    shown = [estimate for measure in measures for row in rows if (estimate := _scaled_p95(measure, row))]
+    note = "whiskers: 95 % intervals"
+    if any(np.isfinite(estimate.value) and not np.isfinite(estimate.high) for estimate in shown):
+        note += "; that of a percentile with no part above its bar has no upper bound"
+    return note + ("; hit: through the obstacle" if ablations.phase == "long" else "")
 
 
 def _scaled_p95(measure: Measure, row: Row) -> Estimate | None:

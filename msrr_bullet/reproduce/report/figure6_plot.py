@@ -31,7 +31,8 @@ def draw_figure6(figures: Sequence[Figure6], path: Path) -> Path:
         handles: dict[str, Artist] = {}
         for axes in grid.flat:
             handles.update({str(line.get_label()): line for line in axes.get_lines()})
-        sheet.legend(handles=list(handles.values()), loc="outside lower center", ncols=3, frameon=False)
+        columns = min(2 * len(figures), 3)  # three are wider than a sheet with one column of axes
+        sheet.legend(handles=list(handles.values()), loc="outside lower center", ncols=columns, frameon=False)
         sheet.suptitle("C1 and C2 (our reading) at the setting most like the paper's")
         return save(sheet, path)
 

@@ -147,3 +147,15 @@ def test_a_profile_names_the_functions_of_the_loop(tmp_path: Path) -> None:
     assert run(["bench", "close_range", *options]) == 0
     page = (tmp_path / "p.html").read_text()
     assert "msrr_bullet/trial/mission.py" in page
+
+
+def test_the_files_of_one_command_are_different_ones(tmp_path: Path, capsys: Capture) -> None:
+    """The picture was written over the numbers."""
+    before, new = tmp_path / "before.json", tmp_path / "new.png"
+    before.write_bytes(STORED.read_bytes())
+    for files in (["--json", new, "--plot", new], ["--json", before, "--against", before]):
+        arguments = ["bench", "close_range", "--grade", "careful", *map(str, files)]
+        assert run(arguments) == 2
+        assert "the command uses this file already; name another one" in capsys.readouterr().err
+    assert before.read_bytes() == STORED.read_bytes()
+    assert not new.exists()

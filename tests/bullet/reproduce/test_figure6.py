@@ -4,10 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from msrr_bullet.reproduce.figure6 import bullet_figure6, unicycle_figure6
 from msrr_bullet.reproduce.report.figure6_plot import draw_figure6
-from msrr_bullet.studies.gain_delay import C1
+from msrr_bullet.studies.gain_delay import C1, PAPER_LIKE
 from msrr_bullet.studies.labels import C2
 from msrr_bullet.studies.series import Figure6
 
@@ -29,13 +30,32 @@ def check(figure: Figure6) -> None:
 
 
 def test_both_laws_stand_over_each_other(blind_loop: dict[str, str], tmp_path: Path) -> None:
-    figures = (unicycle_figure6(0), bullet_figure6(0, blind_loop))
+    figures = (unicycle_figure6(0, PAPER_LIKE), bullet_figure6(0, PAPER_LIKE, blind_loop))
     for figure in figures:
         check(figure)
+    assert figures[0].description.startswith("gain 8 1/s, ")
+    assert unicycle_figure6(0, (6.0, 0.1)).description.startswith("gain 6 1/s, ")
     assert [f.plant for f in figures] == ["unicycle", "bullet"]
     assert draw_figure6(figures, tmp_path / "figure6.png").stat().st_size > 50_000
 
 
+@pytest.mark.parametrize("plants", [1, 2])
+def test_the_legend_is_whole(plants: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of unicycles alone it was wider than the sheet, and cut off at both sides."""
+    inside: list[bool] = []
+
+    def look(sheet: Figure, path: Path) -> Path:
+        sheet.draw_without_rendering()
+        (legend,) = sheet.legends
+        box = legend.get_window_extent()
+        inside.append(sheet.bbox.x0 <= box.x0 < box.x1 <= sheet.bbox.x1)
+        return path
+
+    monkeypatch.setattr("msrr_bullet.reproduce.report.figure6_plot.save", look)
+    draw_figure6([unicycle_figure6(0, PAPER_LIKE)] * plants, tmp_path / "figure6.png")
+    assert inside == [True]
+
+
 @pytest.mark.nightly
 def test_both_laws_in_the_real_loop() -> None:
-    check(bullet_figure6(0))
+    check(bullet_figure6(0, PAPER_LIKE))

@@ -45,6 +45,10 @@ def test_every_study_is_in_the_results(unicycle_results: Reproduction) -> None:
         assert table.phase == ablations.phase
         assert [r.label for r in table.rows] == list(VARIANTS[ablations.phase])
     assert [(m.compensated, len(m.gains)) for m in unicycle_results.maps] == [(False, 2), (True, 1)]
+    (figure6,) = unicycle_results.figure6
+    gain, latency = unicycle_results.maps[0].paper_cell
+    assert figure6.description.startswith(f"gain {gain:g} 1/s, ")
+    assert f", {1e3 * latency:g} ms that" in figure6.description
     assert unicycle_results.seeds == {"unicycle": (0, 1)}
 
 
