@@ -156,7 +156,10 @@ def sweep_table(summary: SweepSummary) -> Table:
     s = summary.success
     interval = f"95 % interval {100 * s.low:.1f} .. {100 * s.high:.1f} %"
     rate = f"{goal(summary.mission is not None)}: {100 * s.rate:.1f} %, {interval}"
-    caption = f"{rate}\nbelow median and 95 %: their 95 % confidence intervals"
+    notes = [rate]
+    if summary.failures:
+        notes.append(_not_successes(len(summary.failures), f"not {goal(summary.mission is not None)}"))
+    caption = "\n".join([*notes, "below median and 95 %: their 95 % confidence intervals"])
     table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
     table.add_column("")
     for column in ("median", "95 %", "largest"):
@@ -184,6 +187,11 @@ def sweep_table(summary: SweepSummary) -> Table:
     table.add_row("starts drawn again", str(summary.redraws), "", "")
     table.add_row("taken from the store", str(summary.reused), "", "")
     return table
+
+
+def _not_successes(trials: int, failed: str) -> str:
+    verb = "counts" if trials == 1 else "count"
+    return f"{counted(trials, 'trial')} without a result {verb} as {failed}"
 
 
 def goal(coordinated: bool) -> str:
@@ -241,11 +249,20 @@ def comparison_table(comparison: Comparison, first: str, second: str) -> Table:
         " unless it holds 0",
         "p: probability of as large a difference by chance",
     ]
+    for name, trials_without in zip((first, second), comparison.without_result, strict=True):
+        if trials_without:
+            notes.append(f"{name}: {_not_successes(trials_without, 'not succeeded')}")
     if not comparison.is_of_one_scene:
         notes.append(
             f"the scenes are {' and '.join(comparison.scenes)}: trials with the same seed share what their"
             " scenes have in common, and no more"
         )
+    for what, kinds in (("plants", comparison.plants), ("kinds of perception", comparison.perceptions)):
+        if len({*kinds} - {""}) > 1:
+            notes.append(
+                f"the {what} are {' and '.join(kinds)}: a difference may be theirs alone, and not that of the"
+                " robots or controllers"
+            )
     table = Table(
         title="; ".join([f"{counted(trials, 'trial')} with the same seeds", *left_out]),
         title_justify="left",

@@ -107,6 +107,10 @@ def detect(
     if work.pictures:
         console.print(_table(work.pictures))
         console.print(_summary(work), highlight=False)
+        if told is not None and tag_size is None:
+            console.print(
+                "no poses: they need the size of the tags as well; give --tag-size M", highlight=False
+            )
         if not work.library_tags and not any(picture.tags for picture in work.pictures):
             searched = ", ".join(reader.families)
             console.print(f"no tag of {searched} was found; --family names another family", highlight=False)

@@ -21,6 +21,8 @@ from msrr_scenes.outcome import Outcome
 _SUCCESSES = (Outcome.DOCKED.value, Outcome.COMPLETE.value)
 #: Outcomes of trials; that of one without a result is empty.
 _OUTCOMES = frozenset({"", *(outcome.value for outcome in Outcome)})
+#: Columns of what all trials of a sweep share; an older table lacks them, and a trial without a result some.
+_OF_SWEEP = ("scene", "plant", "perception")
 #: What is read of a cell that a row lacks: no text that a table may hold.
 _LACKS = "\0"
 
@@ -56,9 +58,10 @@ _COLUMNS = ("seed", "outcome", "duration_s", "step", "undocks", *(figure.column 
 
 @dataclass(slots=True)
 class _Trial:
-    """A trial as its rows tell of it: whether it succeeded, and the values of its docking steps by column."""
+    """A trial as its rows tell of it: how it ended, and the values of its docking steps by column."""
 
     succeeded: bool
+    has_result: bool
     duration_s: float | None
     values: dict[str, list[float]] = field(default_factory=dict)
     steps: set[str] = field(default_factory=set)
@@ -110,20 +113,26 @@ class Comparison(BaseModel, frozen=True):
 
     Attributes:
         scenes: Names of the scenes of the first sweep and of the second; empty where a table tells none.
+        plants: Plants of the first sweep and of the second, likewise.
+        perceptions: Kinds of perception of the first sweep and of the second, likewise.
         trials: Number of these seeds.
         only_first: Number of seeds that the first sweep alone has.
         only_second: Number of seeds that the second sweep alone has.
         succeeded: Number of trials that succeeded in the first sweep, and in the second one.
+        without_result: Number of trials without a result, which count as not succeeded, likewise.
         succeeded_alone: Number of trials that succeeded in the first sweep alone, and in the second alone.
         p: Probability of so large a difference between these two by chance, by McNemar's exact test.
         figures: Figures that at least one seed has in both sweeps.
     """
 
     scenes: tuple[str, str]
+    plants: tuple[str, str]
+    perceptions: tuple[str, str]
     trials: int
     only_first: int
     only_second: int
     succeeded: tuple[int, int]
+    without_result: tuple[int, int]
     succeeded_alone: tuple[int, int]
     p: float
     figures: tuple[ComparedFigure, ...]
@@ -142,7 +151,7 @@ def compare_sweeps(first: Path, second: Path) -> Comparison:
     Raises:
         SceneError: A file cannot be read as such a table, or the two have no seed in common.
     """
-    (scene, a), (other, b) = _read(first), _read(second)
+    (one, a), (other, b) = _read(first), _read(second)
     seeds = sorted(a.keys() & b.keys())
     if not seeds:
         raise SceneError(f"{first} and {second} have no seed in common; sweep the same --seeds in both")
@@ -155,11 +164,14 @@ def compare_sweeps(first: Path, second: Path) -> Comparison:
         _compared(_DURATION, [(p.duration_s, q.duration_s) for p, q in both]),
     ]
     return Comparison(
-        scenes=(scene, other),
+        scenes=(one["scene"], other["scene"]),
+        plants=(one["plant"], other["plant"]),
+        perceptions=(one["perception"], other["perception"]),
         trials=len(seeds),
         only_first=len(a) - len(seeds),
         only_second=len(b) - len(seeds),
         succeeded=(sum(good[0]), sum(good[1])),
+        without_result=(sum(not p.has_result for p, _ in pairs), sum(not q.has_result for _, q in pairs)),
         succeeded_alone=(first_alone, second_alone),
         p=p,
         figures=tuple(f for f in figures if f.trials),
@@ -184,18 +196,19 @@ def _compared(figure: _Figure, pairs: Sequence[tuple[float | None, float | None]
     return ComparedFigure(name=figure.name, unit=figure.unit, trials=len(known), quantiles=tuple(quantiles))
 
 
-def _read(path: Path) -> tuple[str, dict[int, _Trial]]:
+def _read(path: Path) -> tuple[dict[str, str], dict[int, _Trial]]:
     """Read a table of trials.
 
     Returns:
-        Name of the scene, empty if the table does not tell, and the trials by seed.
+        What is the same in all trials, by column of :data:`_OF_SWEEP`, empty if the table does not tell, and
+        the trials by seed.
 
     Raises:
         SceneError: The file cannot be read, is cut off, lacks a column, holds what is no number or no
-            outcome, holds a step twice, or is of several scenes.
+            outcome, holds a step twice, or is of several scenes, plants or kinds of perception.
     """
     trials: dict[int, _Trial] = {}
-    scene = ""
+    of_sweep = dict.fromkeys(_OF_SWEEP, "")
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             text = file.read()
@@ -209,16 +222,17 @@ def _read(path: Path) -> tuple[str, dict[int, _Trial]]:
                 place = f"{path}, line {reader.line_num}"
                 if None in row or _LACKS in row.values():
                     raise SceneError(f"{place}: another number of cells than of columns; write it anew")
-                named = row.get("scene") or scene
-                if scene and named != scene:
-                    raise SceneError(f"{place}: scene {named} after {scene}; give one sweep a file")
-                scene = named
+                for column, known in of_sweep.items():
+                    of_sweep[column] = row.get(column) or known
+                    if known and of_sweep[column] != known:
+                        text = f"{column} {of_sweep[column]} after {known}"
+                        raise SceneError(f"{place}: {text}; give one sweep a file")
                 _add(trials, row, place)
     except OSError as error:
         raise SceneError(f"{path}: {error.strerror}") from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise SceneError(f"{path}: not a table of trials ({error}); give one of msrr sweep --csv") from None
-    return scene, trials
+    return of_sweep, trials
 
 
 def _add(trials: dict[int, _Trial], row: dict[str, str], place: str) -> None:
@@ -234,7 +248,7 @@ def _add(trials: dict[int, _Trial], row: dict[str, str], place: str) -> None:
     if row["outcome"] not in _OUTCOMES:
         raise SceneError(f"{place}: outcome is {row['outcome']!r}, which no trial has")
     duration_s = _number(row, "duration_s", place)
-    trial = trials.setdefault(seed, _Trial(row["outcome"] in _SUCCESSES, duration_s))
+    trial = trials.setdefault(seed, _Trial(row["outcome"] in _SUCCESSES, row["outcome"] != "", duration_s))
     if row["step"] in trial.steps:
         raise SceneError(f"{place}: step {row['step']} of seed {seed} a second time; give one sweep a file")
     trial.steps.add(row["step"])

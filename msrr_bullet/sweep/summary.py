@@ -181,7 +181,11 @@ class SweepSummary(BaseModel, frozen=True):
             )
         ]
         rows += [(outcome, str(count), "", "") for outcome, count in self.outcomes.items()]
-        rows += [("without a result", str(len(self.failures)), "", "")] if self.failures else []
+        rows += (
+            [("without a result, counted as not succeeded", str(len(self.failures)), "", "")]
+            if self.failures
+            else []
+        )
         kind = f"{self.plant}, {self.perception}, {self.as_built}"
         rate = f"{100 * s.rate:.1f} % succeed, 95 % interval {100 * s.low:.1f} .. {100 * s.high:.1f} %"
         title = f"{self.scene}, {counted(self.trials, 'trial')} ({kind}): {rate}"

@@ -120,6 +120,7 @@ def test_a_sweep_shows_its_rate_and_what_it_measured(false_dock: TrialResult) ->
     assert "lateral error at first contact 1.50 mm 1.50 mm 1.50 mm" in shown
     assert "false_dock 1" in shown
     assert "without a result 1" in shown
+    assert "1 trial without a result counts as not docked" in shown
     assert "recovery" not in shown  # no trial passed an obstacle
 
 

@@ -50,6 +50,14 @@ def test_poses_are_printed(
     assert float(found[6]) < 0.1
 
 
+def test_what_poses_need_besides_the_camera_is_said(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """The calibration alone refines the corners and gives no pose."""
+    hint = "no poses: they need the size of the tags as well; give --tag-size M"
+    for options, told in (([], False), (["--calibration", "camera.yaml"], True)):
+        assert run(["detect", str(folder / "tag.png"), *options]) == 0
+        assert (hint in " ".join(capfd.readouterr().out.split())) == told
+
+
 def test_numbers_are_not_written_over_a_picture(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     before = (folder / "tag.png").read_bytes()
     for file in (str(folder / "tag.png"), "camera.yaml"):

@@ -120,6 +120,7 @@ def test_successes_count_where_one_sweep_alone_has_them(
     worse[5] = TrialFailure(scene=scene.name, seed=5, error="out of time", stopped=True)
     found = compare_sweeps(_table(tmp_path / "a.csv", trials), _table(tmp_path / "b.csv", worse))
     assert found.succeeded == (18, 16)
+    assert found.without_result == (0, 1)
     assert (found.succeeded_alone, found.p) == ((2, 0), 0.5)
     assert _figure(found, "duration").trials == 16
     assert _figure(found, "attempts").trials == 19
@@ -181,6 +182,26 @@ def test_scenes_with_different_names_are_told(
         assert "the scenes are" not in capsys.readouterr().out
 
 
+def test_what_else_the_sweeps_do_not_share_is_told(
+    scene: Scene, made_up: TrialFunction, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two tables of one scene may be of contact and of a model of it. Other workmanship is what is asked."""
+    failure = TrialFailure(scene=scene.name, seed=2, error="out of time", stopped=True)
+    first = _table(tmp_path / "a.csv", [made_up(scene, 0), made_up(scene, 1), failure])
+    for name, values, note in (
+        ("b.csv", {"plant": "unicycle"}, "the plants are bullet and unicycle: a difference may be theirs"),
+        ("c.csv", {"perception": "parametric"}, "the kinds of perception are images and parametric:"),
+        ("d.csv", {"as_built": "rough"}, ""),
+    ):
+        outcomes = [made_up(scene, seed).model_copy(update=values) for seed in range(3)]
+        assert run(["compare", str(first), str(_table(tmp_path / name, outcomes))]) == 0
+        shown = " ".join(capsys.readouterr().out.split())
+        assert note in shown
+        assert (" are " in shown) == bool(note)
+        assert "a: 1 trial without a result counts as not succeeded" in shown
+        assert shown.count("without a result") == 1
+
+
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
@@ -192,6 +213,7 @@ def test_scenes_with_different_names_are_told(
         (lambda text: text.replace("range,1,", "range,inf,"), r"line 3: seed is 'inf', which is no whole"),
         (lambda text: text.replace("range,1,", "range,1.5,"), r"line 3: seed is '1.5', which is no whole"),
         (lambda text: text.replace("range,1,", "r,1,"), r"b.csv, line 3: scene close_r after close_range"),
+        (lambda text: text.replace("images", "parametric", 1), r"perception images after parametric; give"),
         (lambda text: "", r"b.csv: no column seed"),
         (lambda text: text[:-1], r"b.csv: cut off within its last line"),
         (lambda text: text.rsplit(",", 3)[0] + "\n", r"b.csv, line 3: another number of cells"),
