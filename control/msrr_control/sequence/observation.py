@@ -16,6 +16,7 @@ from msrr_scenes.messages import (
     PoseEstimate,
     SeatSwitches,
     Twist,
+    seconds,
 )
 
 
@@ -54,6 +55,13 @@ class Observation(NamedTuple):
         """End of a reason while the collision monitor limits the commands; empty while it does not."""
         limits = self.monitor is not None and self.monitor.limits
         return f", held by the collision monitor: {self.monitor}" if limits else ""
+
+    def not_localised(self, waited_s: float) -> GiveUp:
+        """Return the end of a phase in which global localisation did not see the unit for so long [s]."""
+        seen = "the unit, or its target, was never seen from above"
+        if self.arena is not None:
+            seen = f"last seen from above {seconds(self.now_ns - self.arena.last_seen_ns):.1f} s ago"
+        return GiveUp(FailureReason.NOT_LOCALISED, f"not localised for {waited_s:.1f} s: {seen}")
 
 
 @dataclass(frozen=True, slots=True)

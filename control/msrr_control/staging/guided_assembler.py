@@ -16,7 +16,7 @@ from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.route_follower import RouteFollower, shown_path
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
-from msrr_scenes.messages import ArenaEstimate, AssemblyPath, AssemblyProgress, FailureReason, Twist, seconds
+from msrr_scenes.messages import ArenaEstimate, AssemblyPath, AssemblyProgress, Twist, seconds
 from msrr_scenes.messages.coordination import Authority, LegKind
 
 #: Speed below which a unit stands still [m/s], [rad/s].
@@ -107,7 +107,7 @@ class GuidedAssembler(Generic[State]):
     def _decide(self, observation: Observation, share: float) -> Twist | GiveUp | None:
         estimate, now = observation.arena, observation.now_ns
         if estimate is None or seconds(now - estimate.last_seen_ns) > self._watch.stale_s:
-            return self._wait_to_be_seen(now)
+            return self._wait_to_be_seen(observation)
         if self._unseen_ns is not None:
             self._unseen_ns = None
             if self._follower.started:
@@ -280,12 +280,13 @@ class GuidedAssembler(Generic[State]):
     def _rests(self, observation: Observation) -> bool:
         return abs(observation.twist.v) < _STILL_MPS and abs(observation.twist.w) < _STILL_RADPS
 
-    def _wait_to_be_seen(self, now: int) -> Twist | GiveUp:
+    def _wait_to_be_seen(self, observation: Observation) -> Twist | GiveUp:
+        now = observation.now_ns
         if self._unseen_ns is None:
             self._unseen_ns = now
         waited = seconds(now - self._unseen_ns)
         if waited > self._watch.lost_s:
-            return GiveUp(FailureReason.NOT_LOCALISED, f"not localised for {waited:.1f} s")
+            return observation.not_localised(waited)
         return STILL
 
     def _report(self, observation: Observation) -> None:

@@ -130,7 +130,7 @@ class LongDistanceAssembler(Generic[State]):
     def _decide(self, observation: Observation) -> Twist | GiveUp | None:
         estimate, now = observation.arena, observation.now_ns
         if estimate is None or seconds(now - estimate.last_seen_ns) > self._watch.stale_s:
-            return self._wait_to_be_seen(now)
+            return self._wait_to_be_seen(observation)
         if self._unseen_ns is not None:  # seen again: the law starts again where the unit is now
             self._unseen_ns = None
             if self._follower.started:
@@ -167,13 +167,14 @@ class LongDistanceAssembler(Generic[State]):
 
     # The states, in the order in which they come.
 
-    def _wait_to_be_seen(self, now: int) -> Twist | GiveUp:
+    def _wait_to_be_seen(self, observation: Observation) -> Twist | GiveUp:
         """Stand still while localisation does not see the unit; at the start, turn to show another side."""
+        now = observation.now_ns
         if self._unseen_ns is None:
             self._unseen_ns = now
         waited = seconds(now - self._unseen_ns)
         if waited > self._watch.lost_s:
-            return GiveUp(FailureReason.NOT_LOCALISED, f"not localised for {waited:.1f} s")
+            return observation.not_localised(waited)
         turns = self._state is AssemblyState.LOCALISE and waited > self._watch.spin_after_s
         return Twist(0.0, self._watch.spin_radps) if turns else STILL
 

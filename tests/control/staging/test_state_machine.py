@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -244,6 +245,14 @@ def test_a_unit_that_is_never_seen_shows_itself_and_gives_up() -> None:
     arena.run()
     assert arena.outcome is not None
     assert arena.outcome.failure is FailureReason.NOT_LOCALISED
+    assert arena.outcome.reason.endswith(" s: the unit, or its target, was never seen from above")
+
+
+def test_one_that_is_lost_on_the_way_says_since_when() -> None:
+    arena = Arena(SE2(-1.5, 0.3, 0.0), hidden=(4.0, math.inf)).run()
+    assert arena.outcome is not None
+    reason = arena.outcome.reason
+    assert re.search(r"^not localised for 10\.\d s: last seen from above 1\d\.\d s ago$", reason)
 
 
 def test_a_unit_that_is_held_waits_and_then_plans_again() -> None:
