@@ -20,7 +20,7 @@ from msrr_bullet.simulation.obstacle_body import add_obstacle
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody, load_unit
 from msrr_scenes.as_built import AsBuilt, as_drawn
-from msrr_scenes.errors import MsrrError, UnknownNameError
+from msrr_scenes.errors import GeometryError, MsrrError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Twist
@@ -33,6 +33,9 @@ FLOOR_REACH_M = 0.01
 #: Points of two parts farther apart than this are no contact [m]. PyBullet keeps points where parts have
 #: touched until they are millimetres apart, and the solver takes as long for them as for true contacts.
 CONTACT_DISTANCE_M = 5e-5
+
+#: Most joints of a body of PyBullet: with one more it reports no pose of the body.
+_MOST_JOINTS = 127
 
 #: Position [m] and quaternion xyzw of a body in W.
 _Place = tuple[tuple[float, float, float], tuple[float, float, float, float]]
@@ -242,7 +245,15 @@ class BulletWorld:
     def _add_unit(self, name: str, X_WU: SE2) -> None:
         urdf = self._tags.unit_urdf(name) if self._tags else None
         built = self.built.units[name]
-        unit = self.units[name] = load_unit(self.client, self.scene.geometry(name), urdf, built)
+        geometry = self.scene.geometry(name)
+        unit = self.units[name] = load_unit(self.client, geometry, urdf, built)
+        joints = len(unit.links) - 1
+        if joints > _MOST_JOINTS:
+            raise GeometryError(
+                f"{geometry.urdf}: it has {joints} joints, and PyBullet takes {_MOST_JOINTS} of a robot. "
+                "Fixed ones of links with the same <contact> as what carries them do not count; make joints fixed "
+                "that a docking does not need"
+            )
         self.place(name, X_WU, (0.0, 0.0))
         for link in unit.links.values():
             (_, _, bottom), _ = pybullet.getAABB(unit.body, link, physicsClientId=self.client)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree.ElementTree import Element, ElementTree, ParseError, SubElement, parse
+from xml.etree.ElementTree import Element, ElementTree, ParseError, parse
 
 import numpy as np
 
-from msrr_scenes.errors import GeometryError, nearest
+from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.frame_map import FrameMap, apply_frame_map
-from msrr_scenes.geometry.urdf_tree import LinkTree, three_numbers, urdf_origin
+from msrr_scenes.geometry.urdf_joints import check_joints, joint_axis, write_unit_axes
+from msrr_scenes.geometry.urdf_tree import LinkTree, three_numbers
 
 _WHEELS = ("wheel_left", "wheel_right")
 
@@ -38,6 +39,8 @@ class WheelJoint:
 def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
     """Read a URDF: file names absolute, links by the names of this project, wheels turning forward.
 
+    Axes of joints are unit vectors.
+
     Args:
         path: The file.
         frames: Frames by links of the URDF, in an order in which a frame follows those that it refers to.
@@ -48,6 +51,7 @@ def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
     """
     tree = read_drawn_urdf(path, frames)
     links = LinkTree(path, tree.getroot())
+    write_unit_axes(tree.getroot())
     if {"axle", *_WHEELS} <= links.links.keys():
         for name in _WHEELS:
             axis, forward = _wheel_axis(links, name)
@@ -76,7 +80,7 @@ def read_wheel_joints(path: Path, frames: FrameMap = ()) -> tuple[WheelJoint, Wh
 
 
 def read_drawn_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
-    """Read a URDF as :func:`read_urdf` does, but its wheels turn as they are drawn.
+    """Read a URDF as :func:`read_urdf` does, but its joints have the axes that are drawn.
 
     Args:
         path: The file.
@@ -98,7 +102,7 @@ def read_drawn_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
         if element.tag in ("mesh", "texture") and "filename" in element.attrib:
             element.set("filename", str(named_file(path, element.attrib["filename"])))
     root = tree.getroot()
-    _check_joints(path, root)
+    check_joints(path, root)
     _check_one_tree(path, root)
     if frames:
         apply_frame_map(path, root, frames)
@@ -121,31 +125,6 @@ def named_file(urdf: Path, name: str) -> Path:
         f"{urdf}: {name}: the URDF is in no folder {package!r}; put it back there, or write the path from "
         "the URDF to the file"
     )
-
-
-def _check_joints(path: Path, root: Element) -> None:
-    """Refuse a joint with a missing link, a malformed origin or no name, before a frame map adds links.
-
-    Raises:
-        GeometryError: There is one.
-    """
-    links = [link.get("name", "") for link in root.findall("link")]
-    for joint in root.findall("joint"):
-        for end in (*joint.findall("parent"), *joint.findall("child")):
-            name = end.get("link", "")
-            if name not in links:
-                raise GeometryError(
-                    f"{path}: joint {joint.get('name')!r} names the link {name!r} as its {end.tag}, which is "
-                    f"not in the file{nearest(name, links)} Links: {', '.join(links)}"
-                )
-        child = joint.find("child")
-        link = None if child is None else child.get("link")
-        if not joint.get("name"):
-            raise GeometryError(f"{path}: link {link!r}: the joint that carries it has no name; give it one")
-        try:
-            urdf_origin(joint.find("origin"))
-        except GeometryError as error:
-            raise GeometryError(f"{path}: link {link!r}: joint {joint.get('name')!r}: {error}") from None
 
 
 def _check_one_tree(path: Path, root: Element) -> None:
@@ -214,15 +193,8 @@ def _wheel_axis(tree: LinkTree, wheel: str) -> tuple[Element, float]:
     kind = None if joint is None else joint.get("type")
     if joint is None or kind != "continuous":
         raise GeometryError(f"{tree.path}: the joint of {wheel!r} has to be continuous, found {kind}")
-    axis = joint.find("axis")
-    if axis is None:
-        axis = SubElement(joint, "axis", xyz="1 0 0")
-    try:
-        xyz = np.array(three_numbers(axis, "xyz"))
-    except GeometryError as error:
-        raise GeometryError(f"{tree.path}: link {wheel!r}: {error}") from None
-    if not xyz.any():
-        raise GeometryError(f"{tree.path}: link {wheel!r}: the axis of its joint has no direction")
+    axis = joint_axis(joint)
+    xyz = np.array(three_numbers(axis, "xyz"))
     y = tree.frames[wheel].R @ (xyz / np.linalg.norm(xyz))
     if abs(y[1]) < 1.0 - 0.5 * _ALONG**2:
         raise GeometryError(

@@ -18,6 +18,7 @@ from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import LinkTree
 from msrr_scenes.loading.drive_checks import drive_problems
+from msrr_scenes.loading.joint_checks import joint_problems
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.loading.shape_checks import shape_problems
 from msrr_scenes.loading.standing_checks import standing_problems
@@ -56,7 +57,8 @@ def robot_problems(scene: Scene, unit: str) -> Iterator[Problem]:
     masses = (_without_mass(geometry) or _impossible_inertia(geometry)) if weighs else ()
     (x0, x1), (y0, y1) = scene.arena.x_m, scene.arena.y_m
     shapes = map(_Mistake, shape_problems(geometry, math.hypot(x1 - x0, y1 - y0))) if weighs else ()
-    found = [*masses, *shapes, *_passive_ports(geometry)]
+    joints = map(_Mistake, joint_problems(geometry)) if weighs else ()
+    found = [*masses, *shapes, *joints, *_passive_ports(geometry)]
     found = found or [_Mistake(*covered) for covered in covered_tags(scene, unit)]
     if scene.plant == "bullet" and not found:
         found += map(_Mistake, (*standing_problems(geometry), *drive_problems(scene, unit)))

@@ -237,3 +237,25 @@ def test_a_mesh_that_the_cameras_could_not_draw_is_refused(tmp_path: Path) -> No
     scene = load_scene("close_range", own)
     with pytest.raises(SceneError, match=r"hood\.obj: malformed mesh: no faces"):
         check_trial(scene)
+
+
+def test_pybullet_takes_127_joints_of_a_robot(tmp_path: Path) -> None:
+    """Two wheels, two casters and two pins of the round robot are joints that stay."""
+    drawn = (urdf_folder() / "round.urdf").read_text()
+
+    def robot(kind: str, count: int) -> Mapping[str, str]:
+        more = "".join(
+            f'<link name="x{i}"><inertial><mass value="1e-3"/><inertia ixx="1e-6" iyy="1e-6" izz="1e-6"/>'
+            f'</inertial></link><joint name="j{i}" type="{kind}"><parent link="base_link"/>'
+            f'<child link="x{i}"/></joint>'
+            for i in range(count)
+        )
+        path = tmp_path / f"{kind}{count}.urdf"
+        path.write_text(drawn.replace("</robot>", more + "</robot>"))
+        return {"units.a.urdf": str(path)}
+
+    check_trial(load_scene("round_robots", robot("continuous", 121)))
+    check_trial(load_scene("round_robots", robot("fixed", 200)))  # welded
+    says = r"round_robots\.yaml: .*continuous122\.urdf: it has 128 joints, and PyBullet takes 127"
+    with pytest.raises(SceneError, match=says):
+        check_trial(load_scene("round_robots", robot("continuous", 122)))

@@ -186,9 +186,13 @@ def _carried(joint: str, parent: str, child: str) -> str:
         (
             '<axis xyz="0 0 -1"',
             '<axis xyz="0 0"',
-            "link 'wheel_right': the xyz of <axis> has to be three numbers, found '0 0'",
+            "link 'right_wheel_link': .*: the xyz of <axis> has to be three numbers, found '0 0'",
         ),
-        ('<axis xyz="0 0 -1"', '<axis xyz="0 0 0"', "link 'wheel_right': the axis .* has no direction"),
+        (
+            '<axis xyz="0 0 -1"',
+            '<axis xyz="0 0 0"',
+            "link 'right_wheel_link': joint 'right_wheel_joint': its <axis> has no direction",
+        ),
         (
             '<collision><origin xyz="0.12 0 0.016"',
             '<collision><origin rpy="0 nan 0"',
