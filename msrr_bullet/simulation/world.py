@@ -251,8 +251,8 @@ class BulletWorld:
         if joints > _MOST_JOINTS:
             raise GeometryError(
                 f"{geometry.urdf}: it has {joints} joints, and PyBullet takes {_MOST_JOINTS} of a robot. "
-                "Fixed ones of links with the same <contact> as what carries them do not count; make joints fixed "
-                "that a docking does not need"
+                "Fixed ones of links with the same <contact> as what carries them do not count; make joints "
+                "fixed that a docking does not need"
             )
         self.place(name, X_WU, (0.0, 0.0))
         for link in unit.links.values():
