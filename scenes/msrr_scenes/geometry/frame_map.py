@@ -123,9 +123,12 @@ class _Mapping:
             earlier.add(frame.name)
 
     def _renamed(self) -> dict[str, str]:
-        """Return the new names of links: those of bodies, and others for links whose name is taken."""
+        """Return the new names of links: those of bodies, and others for links whose name is taken.
+
+        These match no pattern of frames: a second tag would have an id, and change those of others.
+        """
         taken = [f.name for f in self._frames if f.name in self._links and f.changes]
-        renamed = {name: f"{name}_in_urdf" for name in taken}
+        renamed = {name: f"in_urdf_{name}" for name in taken}
         bodies: dict[str, str] = {}
         for frame in self._frames:
             if _BODIES.fullmatch(frame.name):

@@ -56,7 +56,15 @@ def test_a_frame_may_be_a_pose_in_a_link_or_in_an_earlier_frame() -> None:
     X_UC = UNIT.frame("camera") @ SE3.from_xyz_rpy([0.02, 0.0, 0.01], [0.0, 0.1, 0.0])
     np.testing.assert_allclose(unit.frame("camera").matrix(), X_UC.matrix(), atol=1e-12)
     np.testing.assert_allclose(unit.frame("tag_top").p, X_UC.act([0.0, 0.0, 0.05]), atol=1e-12)
-    np.testing.assert_array_equal(unit.frame("camera_in_urdf").p, UNIT.frame("camera").p)
+    np.testing.assert_array_equal(unit.frame("in_urdf_camera").p, UNIT.frame("camera").p)
+
+
+def test_a_tag_that_is_moved_stays_one_tag() -> None:
+    """The link that had its name before was a tag as well, with an id of its own."""
+    frames = (MappedFrame("port_rear_marker_middle", "port_rear_marker_middle", (0.0, -0.055, 0.0)),)
+    moved = read_unit(UNIT.urdf, frames)
+    assert moved.tag_slots == UNIT.tag_slots
+    assert (moved.ports, moved.pins) == (UNIT.ports, UNIT.pins)
 
 
 def test_two_bodies_may_change_their_names() -> None:
