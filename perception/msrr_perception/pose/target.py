@@ -253,13 +253,18 @@ def _los_edges(corners_D: Mapping[int, Array], los: LosSpec, port: str) -> tuple
             (x, y), slant = ends.mean(axis=0), 0.5 * float(np.linalg.norm(ends[0] - ends[1]))
             oblique = f"; it is not upright, its ends are {1e3 * slant:.1f} mm off that; let it stand upright"
             raise SceneError(
-                f"los: no tag edge of {port} at setback_m {los.setback_m}, half_width_m {los.half_width_m}; "
-                f"the nearest is {1e3 * distance:.1f} mm away, "
-                f"at setback_m {x:.4f}, half_width_m {abs(y):.4f}"
-                f"{oblique if slant > _EDGE_TOLERANCE_M else ''}"
+                f"los: no tag edge of {port} at setback_m {los.setback_m}, half_width_m {los.half_width_m} "
+                f"to the {_side(side)}; the nearest is {1e3 * distance:.1f} mm away, "
+                f"at setback_m {x:.4f}, half_width_m {abs(y):.4f} to the {_side(y)}"
+                f"{oblique if slant > _EDGE_TOLERANCE_M else ''}. The marker needs one upright edge "
+                "half_width_m to the left of the middle of the port, and one as far to the right"
             )
         found.append(edge)
     return found[0], found[1]
+
+
+def _side(y: float) -> str:
+    return "left" if y > 0.0 else "right"
 
 
 def _outermost_edges(corners_D: Mapping[int, Array]) -> tuple[TagEdge, TagEdge]:

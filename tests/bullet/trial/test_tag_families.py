@@ -36,7 +36,7 @@ def test_ids_that_the_family_lacks_are_named() -> None:
 @pytest.mark.parametrize("family", FAMILIES)
 def test_units_dock_by_tags_of_every_family(family: str) -> None:
     told = {"tags.family": family, "as_built": "perfect", "units.a.number": "0", "units.b.number": "1"}
-    place = re.compile(r"at setback_m (\S+), half_width_m (\S+)$")
+    place = re.compile(r"at setback_m (\S+), half_width_m (\S+) to the \w+\. The")
     if FAMILIES[family].white_inside:
         # The edges of the target have moved far; the message says where to.
         with pytest.raises(SceneError, match=place) as caught:

@@ -42,9 +42,27 @@ def test_an_edge_that_is_not_upright_is_told_so_where_it_is() -> None:
     """Its middle is where it is looked for, which alone would contradict that it is not there."""
     tilted = {"units.b.frames.port_rear_marker_left.roll_deg": 10}
     with pytest.raises(
-        SceneError, match=r"half_width_m 0\.0720; it is not upright, its ends are 5\.2 mm off"
+        SceneError, match=r"half_width_m 0\.0720 to the left; it is not upright, its ends are 5\.2 mm off"
     ):
         TargetModel.from_scene(scene := load_scene("round_robots", tilted), scene.docks[0])
+
+
+def test_a_marker_beside_the_port_is_told_that_it_needs_an_edge_on_either_side() -> None:
+    """Who entered what the message said got one that said the same again."""
+    drawn = load_scene("round_robots").units["b"]
+    frames = {
+        n: f.model_dump() for n, f in drawn.frames.items() if n.partition("_marker_")[2] in ("", "left")
+    }
+    sizes = {name: size for name, size in drawn.tag_sizes_m.items() if name in frames}
+    says = (
+        r"half_width_m 0\.072 to the right; .* half_width_m 0\.0120 to the left\. The marker needs one "
+        "upright edge half_width_m to the left of the middle of the port, and one as far to the right"
+    )
+    with pytest.raises(SceneError, match=says):
+        TargetModel.from_scene(
+            scene := load_scene("round_robots", {"units.b.frames": frames, "units.b.tag_sizes_m": sizes}),
+            scene.docks[0],
+        )
 
 
 @pytest.mark.parametrize("port", ["rear", "left", "right"])
