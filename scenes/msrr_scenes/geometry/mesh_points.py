@@ -1,4 +1,4 @@
-"""The points of mesh files: vertices of Wavefront OBJ, corners of the triangles of STL, binary or text."""
+"""The points of mesh files: vertices of Wavefront OBJ, corners of the triangles of binary STL."""
 
 from __future__ import annotations
 
@@ -56,23 +56,22 @@ def obj_objects(path: Path) -> list[Array]:
 
 
 def stl_corners(path: Path) -> Array:
-    """Return the corners of the triangles of an STL file, shape (3 N, 3), in the units of the file.
+    """Return the corners of the triangles of a binary STL file, shape (3 N, 3), in the units of the file.
 
     Raises:
-        GeometryError: There is no triangle, or a corner is not three finite numbers.
+        GeometryError: There is no triangle, a corner is not three finite numbers, or the file is text, of
+            which PyBullet reads nothing.
     """
     data = path.read_bytes()
     record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-    count = int(np.frombuffer(data[80:84], "<u4")[0]) if len(data) >= 84 else -1
-    rows: Array | list[list[str]]
-    if len(data) == 84 + count * record.itemsize:
-        rows = np.frombuffer(data[84:], record)["corners"].reshape(-1, 3)
-    else:
-        text = (line.split() for line in data.decode("ascii", "replace").splitlines())
-        rows = [words[1:4] for words in text if words[:1] == ["vertex"]]
-    if len(rows) == 0 or len(rows) % 3:
-        raise GeometryError(f"{path}: malformed mesh: no triangles")
-    return _points(path, rows)
+    count = int(np.frombuffer(data[80:84], "<u4")[0]) if len(data) >= 84 else 0
+    if count and len(data) == 84 + count * record.itemsize:
+        return _points(path, np.frombuffer(data[84:], record)["corners"].reshape(-1, 3))
+    if b"vertex" in data:
+        raise GeometryError(
+            f"{path}: an STL file of text, which PyBullet does not draw; write it as binary STL or OBJ"
+        )
+    raise GeometryError(f"{path}: malformed mesh: no triangles")
 
 
 def _points(path: Path, rows: Array | list[list[str]]) -> Array:

@@ -94,7 +94,7 @@ def _problem(link: str, visual: Element) -> str | None:
     mesh = Path(shape.get("filename", ""))
     if shape.tag == "mesh" and (mesh.suffix.lower() not in _MESHES or not mesh.is_file()):
         lacks = "convert it" if mesh.is_file() else "there is no such file"
-        return f"link {link!r}: a visual mesh is an OBJ or STL file, found {mesh}; {lacks}"
+        return f"link {link!r}: a visual mesh is an OBJ or binary STL file, found {mesh}; {lacks}"
     try:
         sizes_of(link, shape)
     except GeometryError as error:
