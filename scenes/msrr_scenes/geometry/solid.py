@@ -23,6 +23,9 @@ _FLAT_M2 = 1e-13
 #: Shapes without a file, and the attributes of a URDF that give their sizes.
 PRIMITIVES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
 
+#: The same of all that is drawn; PyBullet takes the length of a capsule to be that between its two middles.
+DRAWN_PRIMITIVES = {**PRIMITIVES, "capsule": ("radius", "length")}
+
 
 @dataclass(frozen=True, eq=False)
 class Solid:
@@ -114,7 +117,7 @@ def sizes_of(link: str, shape: Element) -> tuple[float, ...]:
         texts, wanted = shape.get("scale", "1 1 1").split(), "scale of three numbers other than 0"
         count = 3
     else:
-        keys = PRIMITIVES[shape.tag]
+        keys = DRAWN_PRIMITIVES[shape.tag]
         texts = " ".join(shape.get(key, "") for key in keys).split()
         count = 3 if keys == ("size",) else len(keys)
         wanted = "size of three edges above 0" if count == 3 else f"{' and '.join(keys)} above 0"

@@ -102,6 +102,7 @@ def read_drawn_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
         if element.tag in ("mesh", "texture") and "filename" in element.attrib:
             element.set("filename", str(named_file(path, element.attrib["filename"])))
     root = tree.getroot()
+    _check_names(path, root)
     check_joints(path, root)
     _check_one_tree(path, root)
     if frames:
@@ -125,6 +126,25 @@ def named_file(urdf: Path, name: str) -> Path:
         f"{urdf}: {name}: the URDF is in no folder {package!r}; put it back there, or write the path from "
         "the URDF to the file"
     )
+
+
+def _check_names(path: Path, root: Element) -> None:
+    """Refuse a robot or a material without a name, of which PyBullet loads nothing.
+
+    Raises:
+        GeometryError: There is one.
+    """
+    if root.tag == "robot" and "name" not in root.attrib:
+        raise GeometryError(f'{path}: the <robot> has no name; give it one: <robot name="...">')
+    holders = [("the <robot>", root.findall("material"))]
+    holders += [
+        (f"link {link.get('name')!r}", link.findall("visual/material")) for link in root.findall("link")
+    ]
+    for holder, materials in holders:
+        if any("name" not in material.attrib for material in materials):
+            raise GeometryError(
+                f'{path}: {holder}: a <material> has no name; give it one: <material name="...">'
+            )
 
 
 def _check_one_tree(path: Path, root: Element) -> None:

@@ -47,7 +47,8 @@ def _tyre(path: Path, X_UL: SE3, wheel: str, solids: Iterable[Solid]) -> Solid:
     round_ = [s for s in solids if s.link == wheel and s.kind in ("sphere", "cylinder")]
     if not round_:
         raise GeometryError(
-            f"{path}: {wheel!r} has no radius; its collision shape has to be a sphere or a cylinder"
+            f"{path}: {wheel!r} has no radius; its collision shape has to be a sphere or a cylinder, and in "
+            "that link itself, not in one that is joined to it"
         )
     tyre = max(round_, key=lambda solid: solid.size[0])
     off = (tyre.X_UG.p - X_UL.p)[[0, 2]]

@@ -1,4 +1,4 @@
-"""Checks of the shapes of a robot, before PyBullet reads them.
+"""Checks of the shapes of a robot and of their friction, before PyBullet reads them.
 
 PyBullet answers a mesh that it cannot read with lines of its own on the terminal, or ends the process.
 """
@@ -14,12 +14,24 @@ import numpy as np
 
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.mesh_points import mesh_points
-from msrr_scenes.geometry.solid import PRIMITIVES, hull_or_line, sizes_of
+from msrr_scenes.geometry.solid import DRAWN_PRIMITIVES, hull_or_line, sizes_of
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
-from msrr_scenes.geometry.urdf_tree import urdf_origin
+from msrr_scenes.geometry.urdf_tree import one_number, urdf_origin
 
 #: Endings of the meshes that are drawn.
 _MESHES = (".obj", ".stl")
+
+#: What a ``<contact>`` of a URDF gives by numbers; PyBullet takes a word to be 0.
+_CONTACT = (
+    "lateral_friction",
+    "rolling_friction",
+    "spinning_friction",
+    "restitution",
+    "stiffness",
+    "damping",
+    "contact_cfm",
+    "contact_erp",
+)
 
 
 @lru_cache(maxsize=32)
@@ -42,6 +54,10 @@ def _problems(geometry: UnitGeometry, arena_m: float) -> Iterator[str]:
             problem = problem or _too_large(name, shape, arena_m)
             if problem is not None:
                 yield problem
+        for part in link.findall("contact/*"):
+            problem = _contact_problem(link.attrib["name"], name, part)
+            if problem is not None:
+                yield problem
     for solid in geometry.solids:
         if solid.mesh is not None and len(hull_or_line(solid.outline())) < 3:
             yield (
@@ -50,11 +66,27 @@ def _problems(geometry: UnitGeometry, arena_m: float) -> Iterator[str]:
             )
 
 
+def _contact_problem(frame: str, link: str, part: Element) -> str | None:
+    if part.tag not in _CONTACT:
+        return None
+    try:
+        value = one_number(part, "value") if "value" in part.attrib else -1.0
+    except GeometryError as error:
+        return f"link {link!r}: <contact>: {error}"
+    if value < 0.0:
+        found = part.get("value", "none")
+        return f"link {link!r}: <contact>: <{part.tag}> needs a value of 0 or above, found {found}"
+    if value == 0.0 and part.tag == "lateral_friction" and frame in ("wheel_left", "wheel_right"):
+        return (
+            f"link {link!r} is a wheel without friction, so that it slips; give its <lateral_friction> a value "
+            "above 0, such as 1"
+        )
+    return None
+
+
 def _too_large(link: str, holder: Element, arena_m: float) -> str | None:
     shape = holder.find("geometry/*")
     assert shape is not None, "_problem or read_solid has refused it"
-    if shape.tag == "capsule":
-        return None
     sizes = sizes_of(link, shape)
     if shape.tag != "mesh":
         # A radius is half of what it spans.
@@ -87,10 +119,8 @@ def _problem(link: str, visual: Element) -> str | None:
     shape = visual.find("geometry/*")
     if shape is None:
         return f"link {link!r}: a <visual> without a shape; remove it"
-    if shape.tag == "capsule":
-        return None
-    if shape.tag not in (*PRIMITIVES, "mesh"):
-        return f"link {link!r}: unsupported shape <{shape.tag}>; use {', '.join(PRIMITIVES)} or mesh"
+    if shape.tag not in (*DRAWN_PRIMITIVES, "mesh"):
+        return f"link {link!r}: unsupported shape <{shape.tag}>; use {', '.join(DRAWN_PRIMITIVES)} or mesh"
     mesh = Path(shape.get("filename", ""))
     if shape.tag == "mesh" and (mesh.suffix.lower() not in _MESHES or not mesh.is_file()):
         lacks = "convert it" if mesh.is_file() else "there is no such file"

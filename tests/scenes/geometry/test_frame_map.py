@@ -113,7 +113,11 @@ def _carried(joint: str, parent: str, child: str) -> str:
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [
-        ('<sphere radius="0.04"/>', '<box size="1 1 1"/>', "'wheel_left' has no radius"),
+        (
+            '<sphere radius="0.04"/>',
+            '<box size="1 1 1"/>',
+            "'wheel_left' has no radius; .* in that link itself",
+        ),
         (
             '<collision><origin xyz="0 0 0"/><geometry><sphere radius="0.04"/>',
             '<collision><origin xyz="0.004 0.002 0"/><geometry><sphere radius="0.04"/>',
@@ -180,6 +184,9 @@ def _carried(joint: str, parent: str, child: str) -> str:
             '<link name="p"/>' + _carried("pp", "p", "p") + "</robot>",
             "the links 'p' carry each other in a circle",
         ),
+        (' name="round"', "", "the <robot> has no name; give it one"),
+        ('<material name="deck"/>', "<material/>", "link 'base_link': a <material> has no name"),
+        ("</robot>", "<material/></robot>", "the <robot>: a <material> has no name"),
         # The log names the joints of the wheels, and PyBullet loads no URDF with a joint that has no name.
         (
             'joint name="left_wheel_joint"',

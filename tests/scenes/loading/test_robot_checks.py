@@ -171,6 +171,11 @@ def test_a_robot_to_which_nobody_docks_needs_no_tags_at_its_port() -> None:
         ('<cylinder radius="-0.1" length="1"/>', "a <cylinder> needs a radius and length above 0"),
         ('<sphere radius="0,1"/>', "a <sphere> needs a radius above 0, found '0,1'"),
         ('<ellipsoid size="1 1 1"/>', "unsupported shape <ellipsoid>"),
+        (
+            '<capsule radius="x" length="0.1"/>',
+            "a <capsule> needs a radius and length above 0, found 'x 0.1'",
+        ),
+        ('<capsule radius="0.1"/>', "a <capsule> needs a radius and length above 0, found '0.1'"),
         ('<mesh filename="no.stl"/>', "no.stl; there is no such file"),
         ('<mesh filename="hood.dae"/>', "hood.dae; convert it"),
         ('<mesh filename="hood.STL" scale="1 0 1"/>', "a <mesh> needs a scale of three numbers other than 0"),
@@ -284,3 +289,38 @@ def test_a_shape_drawn_in_millimetres_is_named_with_its_link(
         assert 'needs scale="0.001 0.001 0.001", found none' in str(caught.value)
     if holder == "visual":
         load_scene("round_robots", overrides("scaled.urdf", drawn.replace("/>", ' scale="1e-3 1e-3 1e-3"/>')))
+
+
+@pytest.mark.parametrize(
+    ("link", "part", "says"),
+    [
+        (
+            "caster_rear",
+            '<lateral_friction value="zero"/>',
+            "<contact>: the value of <lateral_friction> has to",
+        ),
+        ("caster_rear", '<lateral_friction value="-1"/>', "needs a value of 0 or above, found -1"),
+        ("caster_rear", "<lateral_friction/>", "<lateral_friction> needs a value of 0 or above, found none"),
+        (
+            "caster_rear",
+            '<rolling_friction value="nan"/>',
+            "the value of <rolling_friction> has to be a number",
+        ),
+        (
+            "left_wheel_link",
+            '<lateral_friction value="0"/>',
+            "is a wheel without friction, so that it slips; ",
+        ),
+    ],
+)
+def test_a_contact_of_no_use_is_named_with_its_link(link: str, part: str, says: str, tmp_path: Path) -> None:
+    """PyBullet took the word to be 0."""
+    tree = ElementTree.parse(ROUND)
+    contact = tree.getroot().find(f"link[@name='{link}']/contact")
+    assert contact is not None
+    contact[:] = [ElementTree.fromstring(part)]
+    tree.write(tmp_path / "contact.urdf")
+    with pytest.raises(
+        SceneError, match=rf"units\.a\.urdf: contact\.urdf: link '{link}'.* {re.escape(says)}"
+    ):
+        load_scene("round_robots", {"units.a.urdf": str(tmp_path / "contact.urdf")})
