@@ -78,8 +78,8 @@ def _contact_problem(frame: str, link: str, part: Element) -> str | None:
         return f"link {link!r}: <contact>: <{part.tag}> needs a value of 0 or above, found {found}"
     if value == 0.0 and part.tag == "lateral_friction" and frame in ("wheel_left", "wheel_right"):
         return (
-            f"link {link!r} is a wheel without friction, so that it slips; give its <lateral_friction> a value "
-            "above 0, such as 1"
+            f"link {link!r} is a wheel without friction, so that it slips; give its <lateral_friction> a "
+            "value above 0, such as 1"
         )
     return None
 

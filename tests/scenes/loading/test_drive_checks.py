@@ -60,3 +60,27 @@ def test_a_robot_that_never_drives_may_weigh_anything(tmp_path: Path) -> None:
 def test_motors_that_a_scene_makes_weak_are_a_fault_that_can_be_tried() -> None:
     assert "seized_drive" in shipped_scenes()
     assert load_scene("seized_drive").motors.torque_nm < 1e-4
+
+
+def damped(folder: Path, value: float) -> Mapping[str, str]:
+    """Give unit a the round robot with wheels of this damping [N m s/rad]."""
+    text, joint = find_urdf("round.urdf").read_text(), '<joint name="left_wheel_joint" type="continuous">'
+    assert joint in text
+    (folder / "damped.urdf").write_text(text.replace(joint, f'{joint}<dynamics damping="{value}"/>'))
+    return {"units.a.urdf": str(folder / "damped.urdf")}
+
+
+def test_a_damping_that_leaves_the_motors_too_little_is_told_by_how_much(tmp_path: Path) -> None:
+    """At 0.4 m/s the wheels of 40 mm turn at 10 rad/s; 2.94 kg need 0.03 N m of each for 0.5 m/s^2."""
+    load_scene("round_robots", {**damped(tmp_path, 0.011), "limits.dw_max_radps2": "1"})
+    slow = damped(tmp_path, 0.05)
+    says = (
+        r"units\.a\.urdf: damped\.urdf: .* damping of 0\.05 N m s/rad, which takes 0\.5 N m of the 0\.15 N m"
+    )
+    for torque in ({}, {"motors.torque_nm": "0.15"}):  # the latter says nothing about losses
+        with pytest.raises(SceneError, match=says):
+            load_scene("round_robots", {**slow, **torque})
+    load_scene("round_robots", {**slow, "motors.torque_nm": "0.8"})
+    load_scene("round_robots", {**slow, "limits.v_max_mps": "0.05", "limits.v_close_mps": "0.05"})
+    load_scene("round_robots", {**slow, "motors.torque_nm": "1e-5"})  # a seized drive
+    load_scene("round_robots", {**slow, "plant": "unicycle"})  # has no wheels
