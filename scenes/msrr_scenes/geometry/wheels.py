@@ -16,6 +16,10 @@ from msrr_scenes.geometry.solid import Solid
 #: Largest distance of the frame axle, or of a shape of a wheel, from where it belongs [m].
 _TOLERANCE_M = 1e-3
 
+#: Largest difference between the radii of the wheels, a rounding of a drawing [m]. Odometry and controllers
+#: know of one radius alone.
+_EQUAL_M = 1e-5
+
 #: Least cosine between the axis of a cylinder and that of its wheel, 1 degree apart.
 _ALONG = math.cos(math.radians(1.0))
 
@@ -34,9 +38,10 @@ def measure_wheels(path: Path, frames: Mapping[str, SE3], solids: Iterable[Solid
     """
     tyres = [_tyre(path, frames[name], name, solids) for name in ("wheel_left", "wheel_right")]
     radii = [tyre.size[0] for tyre in tyres]
-    if abs(radii[0] - radii[1]) > _TOLERANCE_M:
+    if abs(radii[0] - radii[1]) > _EQUAL_M:
         raise GeometryError(
-            f"{path}: the wheels have radii of {radii[0]:g} m and {radii[1]:g} m; make them equal"
+            f"{path}: the wheels have radii of {radii[0]:g} m and {radii[1]:g} m; make them equal. Wheels "
+            "that are not as drawn are radius_left_percent and radius_right_percent of as_built.drive"
         )
     _check_axle(path, tyres[0].X_UG.p, tyres[1].X_UG.p, radii[0])
     return radii[0], float(tyres[0].X_UG.p[1] - tyres[1].X_UG.p[1])

@@ -223,6 +223,19 @@ def test_a_drawing_that_cannot_be_used_is_refused_by_name(
         read_unit(path, PARTS)
 
 
+@pytest.mark.parametrize(("right", "accepted"), [("0.040005", True), ("0.0401", False)])
+def test_wheels_are_equal_to_the_rounding_of_a_drawing(right: str, accepted: bool, tmp_path: Path) -> None:
+    """One of another radius was some micrometres off the floor, and the robot slid while it stood."""
+    left, tyre, rest = ROUND.read_text().rpartition('<sphere radius="0.04"/>')
+    path = tmp_path / "wheels.urdf"
+    path.write_text(left + tyre.replace("0.04", right) + rest)
+    if accepted:
+        assert read_unit(path, PARTS).wheel_radius == 0.04
+        return
+    with pytest.raises(GeometryError, match=r"radii of 0\.04 m and 0\.0401 m; make them equal\. .* as_built"):
+        read_unit(path, PARTS)
+
+
 def test_macros_are_to_be_expanded(tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf.xacro"
     path.write_text('<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="r"/></robot>')
