@@ -137,7 +137,7 @@ def _solid(solid: Solid) -> Iterator[Mesh]:
         yield cylinder(*solid.size)
     elif solid.kind == "sphere":
         yield sphere(*solid.size)
-    else:
+    elif not solid.part:
         assert solid.mesh is not None, "only a mesh is none of the shapes above"
         for part in read_mesh(solid.mesh):
             yield part.mesh.scaled(np.array(solid.size))

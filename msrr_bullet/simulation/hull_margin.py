@@ -23,6 +23,9 @@ _MARGIN_M = 1e-3
 #: has to be left of what is thinner than two margins.
 _MOST = 0.9
 
+#: Number of corners from which on only one in each cube of that edge [m] is kept.
+_MANY, _APART_M = 1000, 1e-4
+
 #: Points that are all nearer to a plane are flat [m].
 _FLAT_M = 1e-6
 
@@ -67,4 +70,6 @@ def _inset(points: Array) -> tuple[Array, NDArray[np.int_]]:
     inside = -(planes[:, :3] @ middle + planes[:, 3])
     planes[:, 3] += min(_MARGIN_M, _MOST * float(inside.min()))
     inner = HalfspaceIntersection(planes, middle).intersections
+    if len(inner) > _MANY:  # of a round shape each corner has become several
+        inner = inner[np.unique(np.floor(inner / _APART_M), axis=0, return_index=True)[1]]
     return inner, ConvexHull(inner).simplices.astype(np.int_)

@@ -37,7 +37,9 @@ def flat_material(colour: int, opacity: float = 1.0) -> g.Material:
 
 
 def solid(path: str, shape: Solid, material: g.Material) -> Iterator[Command]:
-    """Draw the shape of a link or of an obstacle in the frame of its body."""
+    """Draw the shape of a link or of an obstacle in its body's frame; all of a mesh with its first part."""
+    if shape.part:
+        return
     X_UG, scale = shape.X_UG, (1.0, 1.0, 1.0)
     if shape.kind == "box":
         geometry: g.Geometry = g.Box(list(shape.size))

@@ -8,6 +8,7 @@ import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
+from msrr_scenes.file_cache import FileCache
 from msrr_scenes.geometry.obj_file import obj_lines
 
 
@@ -38,8 +39,12 @@ def obj_objects(path: Path) -> list[Array]:
     PyBullet makes a convex hull of each of them.
 
     Raises:
-        GeometryError: As for :func:`obj_vertices`.
+        GeometryError: As for :func:`obj_vertices`, or there are no faces.
     """
+    return _objects(path)
+
+
+def _read_objects(path: Path) -> tuple[list[Array], list[Path]]:
     vertices = obj_vertices(path)
     objects: list[set[int]] = [set()]
     seen = 0
@@ -52,7 +57,13 @@ def obj_objects(path: Path) -> list[Array]:
             numbers = (int(word.split("/")[0]) for word in words[1:])
             # From 1 on, or back from the last vertex so far.
             objects[-1].update(n - 1 if n > 0 else seen + n for n in numbers)
-    return [vertices[sorted(used)] for used in objects if used]
+    found = [vertices[sorted(used)] for used in objects if used]
+    if not found:
+        raise GeometryError(f"{path}: no faces in this mesh")
+    return found, [path]
+
+
+_objects = FileCache(_read_objects, most=256)
 
 
 def stl_corners(path: Path) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
-from msrr_scenes.geometry.mesh_points import obj_vertices
+from msrr_scenes.geometry.mesh_points import obj_objects, obj_vertices
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.urdf_tree import urdf_origin
 
@@ -37,6 +37,7 @@ class Solid:
         X_UG: Pose of the shape's frame G in U with all joints at zero; in B for an obstacle.
         size: Full edges of a box, radius and length of a cylinder, radius of a sphere [m], scale of a mesh.
         mesh: OBJ file of a mesh, None for other shapes.
+        part: Which object of that file the shape is, None for all of it. With the first the file is drawn.
     """
 
     link: str
@@ -44,6 +45,7 @@ class Solid:
     X_UG: SE3
     size: tuple[float, ...]
     mesh: Path | None = None
+    part: int | None = None
 
     def outline(self) -> Array:
         """Return points in U, shape (N, 2) [m], whose convex hull is the shape's projection to the ground.
@@ -73,7 +75,16 @@ class Solid:
             ]
             return self.X_UG.act(self.size[0] * np.concatenate(rings))
         assert self.mesh is not None
-        return self.X_UG.act(obj_vertices(self.mesh) * np.asarray(self.size))
+        vertices = obj_vertices(self.mesh) if self.part is None else obj_objects(self.mesh)[self.part]
+        return self.X_UG.act(vertices * np.asarray(self.size))
+
+
+def read_solids(link: str, X_UL: SE3, collision: Element) -> list[Solid]:
+    """Return the convex shapes of a ``<collision>``, one for each object of a mesh (:func:`read_solid`)."""
+    solid = read_solid(link, X_UL, collision)
+    if solid.mesh is None:
+        return [solid]
+    return [replace(solid, part=part) for part in range(len(obj_objects(solid.mesh)))]
 
 
 def read_solid(link: str, X_UL: SE3, collision: Element) -> Solid:

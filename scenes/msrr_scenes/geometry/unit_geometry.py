@@ -32,7 +32,7 @@ from msrr_scenes.file_cache import FileCache
 from msrr_scenes.geometry.frame_map import FrameMap, check_rigid
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.solid import Solid, convex_hull, read_solid
+from msrr_scenes.geometry.solid import Solid, convex_hull, read_solids
 from msrr_scenes.geometry.urdf_file import WheelJoint, read_urdf, read_wheel_joints
 from msrr_scenes.geometry.urdf_tree import LinkTree
 from msrr_scenes.geometry.wheels import measure_wheels
@@ -277,9 +277,10 @@ def _read_tree(path: Path, frame_map: FrameMap) -> UnitGeometry:
         )
     check_rigid(tree)
     solids = tuple(
-        read_solid(name, tree.frames[name], collision)
+        solid
         for name, link in tree.links.items()
         for collision in link.findall("collision")
+        for solid in read_solids(name, tree.frames[name], collision)
     )
     if fixture:
         return UnitGeometry(path, tree.frames, solids, 0.0, 0.0, frame_map)

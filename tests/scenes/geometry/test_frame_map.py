@@ -250,7 +250,7 @@ def test_meshes_of_a_package_are_found_above_the_urdf(tmp_path: Path) -> None:
     path = changed(folder, box, '<mesh filename="package://my_robot/meshes/base.obj"/>')
     mesh = tmp_path / "my_robot" / "meshes" / "base.obj"
     mesh.parent.mkdir()
-    mesh.write_text("v 0 0 0\nv 0.3 0 0\nv 0 0.1 0\nv 0 0 0.1\n")
+    mesh.write_text("v 0 0 0\nv 0.3 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 2 3\nf 1 2 4\n")
     assert [solid.mesh for solid in read_unit(path, PARTS).solids if solid.mesh] == [mesh]
 
 

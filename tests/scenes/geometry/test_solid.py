@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from xml.etree.ElementTree import fromstring
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.spatial import ConvexHull
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.mesh_points import obj_vertices
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.solid import Solid, convex_hull
+from msrr_scenes.geometry.solid import Solid, convex_hull, read_solids
 
 X_UG = SE3.from_xyz_rpy([0.1, -0.2, 0.3], [0.0, 0.0, 0.5])
 
@@ -68,3 +69,20 @@ def test_points_on_one_line_have_no_hull() -> None:
 def test_vertices_of_a_file_may_stand_behind_tabs(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text("# by hand\nv\t1 2\t3\nvn 0 0 1\n  v 4 5 6 1.0\n")
     np.testing.assert_array_equal(obj_vertices(tmp_path / "a.obj"), [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+
+
+def test_every_object_of_a_mesh_is_a_shape_of_its_own(tmp_path: Path) -> None:
+    """A socket that was taken apart into convex pieces has a hole; the hull of all of them has none."""
+    text = ""
+    for k, y in enumerate((-0.05, 0.05)):
+        corners = [(a, y + b, c) for a in (0.0, 0.1) for b in (-0.01, 0.01) for c in (0.0, 0.1)]
+        faces = "".join(f"f {8 * k + 1} {8 * k + i} {8 * k + i + 1}\n" for i in range(2, 8))
+        text += f"o wall_{k}\n" + "".join(f"v {a} {b} {c}\n" for a, b, c in corners) + faces
+    path = tmp_path / "socket.obj"
+    path.write_text(text)
+    collision = fromstring(f'<collision><geometry><mesh filename="{path}"/></geometry></collision>')
+    left, right = (solid.points() for solid in read_solids("socket", SE3(), collision))
+    assert left[:, 1].max() < 0.0 < right[:, 1].min()
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n")
+    with pytest.raises(GeometryError, match="no faces in this mesh"):
+        read_solids("socket", SE3(), collision)

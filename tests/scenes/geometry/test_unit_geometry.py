@@ -130,11 +130,11 @@ def test_a_file_that_was_written_anew_is_read_anew(tmp_path: Path) -> None:
     text, path, mesh = UNIT.urdf.read_text(), tmp_path / "unit.urdf", tmp_path / "pin.obj"
     pin = '<box size="0.019 0.013 0.013"/>'
     assert pin in text
-    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n")
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
     path.write_text(text.replace(pin, f'<mesh filename="{mesh.name}" scale="0.019 0.013 0.013"/>', 2))
     first = read_unit(path)
     assert read_unit(path) is first
-    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1.5\nf 1 2 3\n")
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1.5\nf 1 2 3\nf 1 2 4\n")
     second = read_unit(path)
     assert second is not first
     highest = [max(s.points()[:, 2].max() for s in u.solids if s.mesh) for u in (first, second)]

@@ -58,7 +58,7 @@ def test_a_visual_shape_that_cannot_be_drawn_is_named_with_its_link(
         ("hood.obj", "visual", "v 0 0 0\nv 1 0 nan\nv 0 1 0\n", "a point in it is not three finite"),
         ("hood.obj", "collision", "v 0 0\nv 1 0\nv 0 1\n", "a point in it is not three finite numbers"),
         ("hood.obj", "collision", "v 0 0 0\nv 1 0\nv 0 1 0\n", "a point in it is not three finite"),
-        ("hood.obj", "collision", "v 0 0 0\nv 1 1 0\nv 1 1 1\n", "is a line seen from above"),
+        ("hood.obj", "collision", "v 0 0 0\nv 1 1 0\nv 1 1 1\nf 1 2 3\n", "is a line seen from above"),
         ("hood.stl", "visual", "solid\nendsolid\n", "no triangles"),
         ("hood.stl", "visual", 3 * "vertex 0 0 0\n", "of text, which PyBullet does not draw; write it as"),
     ],
