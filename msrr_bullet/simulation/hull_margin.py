@@ -23,6 +23,9 @@ _MARGIN_M = 1e-3
 #: has to be left of what is thinner than two margins.
 _MOST = 0.9
 
+#: Way of a corner inwards, in margins, from which on it is a sharp tip; of a cube it is the root of three.
+_SHARP = 2.0
+
 #: Number of corners from which on only one in each cube of that edge [m] is kept.
 _MANY, _APART_M = 1000, 1e-4
 
@@ -59,17 +62,25 @@ def _inset(points: Array) -> tuple[Array, NDArray[np.int_]]:
 
     A flat hull has no inside and stays as it is.
     """
-    from scipy.spatial import ConvexHull, HalfspaceIntersection  # slow to import, and few robots have meshes
+    # Slow to import, and few robots have meshes.
+    from scipy.spatial import ConvexHull, HalfspaceIntersection, KDTree
 
     if np.linalg.matrix_rank(points - points.mean(axis=0), tol=_FLAT_M) < 3:
-        corners = np.arange(1, len(points) - 1)
-        return points, np.column_stack([np.zeros_like(corners), corners, corners + 1])
+        number = np.arange(1, len(points) - 1)
+        return points, np.column_stack([np.zeros_like(number), number, number + 1])
     hull = ConvexHull(points)
     planes = hull.equations  # outward normal and offset: inside where their sum is negative
     middle = points[hull.vertices].mean(axis=0)
     inside = -(planes[:, :3] @ middle + planes[:, 3])
     planes[:, 3] += min(_MARGIN_M, _MOST * float(inside.min()))
-    inner = HalfspaceIntersection(planes, middle).intersections
+    inner = np.asarray(HalfspaceIntersection(planes, middle).intersections, dtype=np.float64)
+    # Faces would take a sharp tip away: it ends a margin inside, with flanks that are a little large.
+    corners = points[hull.vertices]
+    ways = inner[np.asarray(KDTree(inner).query(corners)[1])] - corners
+    lost = np.linalg.norm(ways, axis=1)
+    tips = lost > _SHARP * _MARGIN_M
+    inward = ways[tips] / lost[tips, np.newaxis]
+    inner = np.concatenate([inner, corners[tips] + _MARGIN_M * inward])
     if len(inner) > _MANY:  # of a round shape each corner has become several
         inner = inner[np.unique(np.floor(inner / _APART_M), axis=0, return_index=True)[1]]
     return inner, ConvexHull(inner).simplices.astype(np.int_)

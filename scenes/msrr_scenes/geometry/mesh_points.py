@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ def obj_objects(path: Path) -> list[Array]:
     PyBullet makes a convex hull of each of them.
 
     Raises:
-        GeometryError: As for :func:`obj_vertices`, or there are no faces.
+        GeometryError: As for :func:`obj_vertices`, there are no faces, or one names no vertex of the file.
     """
     return _objects(path)
 
@@ -54,13 +55,22 @@ def _read_objects(path: Path) -> tuple[list[Array], list[Path]]:
         elif words[0] == "v":
             seen += 1
         elif words[0] == "f":
-            numbers = (int(word.split("/")[0]) for word in words[1:])
-            # From 1 on, or back from the last vertex so far.
-            objects[-1].update(n - 1 if n > 0 else seen + n for n in numbers)
+            objects[-1].update(_index(path, word, seen, len(vertices)) for word in words[1:])
     found = [vertices[sorted(used)] for used in objects if used]
     if not found:
         raise GeometryError(f"{path}: no faces in this mesh")
     return found, [path]
+
+
+def _index(path: Path, word: str, seen: int, count: int) -> int:
+    """Return the index of a vertex of a face: counted from 1 on, or back from the last vertex so far."""
+    with suppress(ValueError):
+        number = int(word.split("/")[0])
+        if 1 <= number <= count:
+            return number - 1
+        if -seen <= number <= -1:
+            return seen + number
+    raise GeometryError(f"{path}: malformed mesh: a face names the vertex {word!r} of {count}")
 
 
 _objects = FileCache(_read_objects, most=256)

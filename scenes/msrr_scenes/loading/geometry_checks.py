@@ -28,6 +28,11 @@ from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.bodies import TAG_PLATE_M
 from msrr_scenes.specs.scene import Scene
 
+#: How far beyond the outer bound the farther edge of the target may be at contact [rad], for a camera beside
+#: the axis. The correction takes the robot aside: up to 3 degrees beyond by 2 to 9 mm, with which 18 of 18
+#: docked; at 6 degrees 2 of 6 did, and at 10 none.
+_BEYOND_RAD = math.radians(4.0)
+
 #: Number of starts that are drawn by way of trial, and the largest mean number of redraws among them.
 _TRIAL_DRAWS, _MOST_REDRAWS = 20, 20
 
@@ -141,13 +146,13 @@ def _too_wide(scene: Scene) -> Iterator[Problem]:
             yield Problem(("los", "half_width_m"), text)
             continue
         widest = widest_edge(geometry.port(step.port).inverse(), geometry, los)
-        if widest > los.outer:  # one edge beyond the inner bound takes the unit aside by a few millimetres
+        if widest > los.outer + _BEYOND_RAD:
             X_UC = geometry.frame("camera").to_se2()
             text = (
                 f"{geometry.urdf.name}: the camera is {1e3 * abs(X_UC.y):.0f} mm beside the x axis of the "
                 f"axle and turned by {math.degrees(X_UC.yaw):.0f} deg, so that at contact it sees an edge of "
-                f"{step.to} at {math.degrees(widest):.1f} deg, outside los.outer_deg = {los.outer_deg:g}: "
-                "the robot would park beside the port. Put it nearer to the axis, or let it look ahead"
+                f"{step.to} at {math.degrees(widest):.1f} deg, far outside los.outer_deg {los.outer_deg:g}, "
+                "and parks beside the port. Put the camera nearer to the axis, or let it look ahead"
             )
             yield Problem(("units", step.unit, "urdf"), text)
 

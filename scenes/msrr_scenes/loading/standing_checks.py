@@ -41,8 +41,11 @@ class _Support(NamedTuple):
 @lru_cache(maxsize=32)
 def standing_problems(geometry: UnitGeometry) -> tuple[str, ...]:
     """Return why a robot does not stand level on its wheels, or does not turn there, in words."""
+    # The frame axle may be drawn a little above or below the ground that the wheels reach to.
+    wheels = [s for s in geometry.solids if s.link in ("wheel_left", "wheel_right")]
+    ground = sum(float(wheel.X_UG.p[2]) for wheel in wheels) / len(wheels) - geometry.wheel_radius
     points = [
-        _Support(solid.link, float(x), float(z))
+        _Support(solid.link, float(x), float(z) - ground)
         for solid in geometry.solids
         if not solid.link.startswith("wheel_")
         for x, _, z in solid.points()
@@ -52,7 +55,7 @@ def standing_problems(geometry: UnitGeometry) -> tuple[str, ...]:
     ahead = min((p for p in points if p.x > 0.0), key=lambda p: p.pitch, default=None)
     behind = max((p for p in points if p.x < 0.0), key=lambda p: p.pitch, default=None)
     if ahead is not None and behind is not None:
-        heights = f"{1e3 * ahead.z:.3g} and {1e3 * behind.z:.3g} mm of the frame axle"
+        heights = f"{1e3 * ahead.z:.3g} and {1e3 * behind.z:.3g} mm"
         lift = (behind.pitch - ahead.pitch) / (1.0 / ahead.x - 1.0 / behind.x)
         if lift > _LIFT_M:
             return (

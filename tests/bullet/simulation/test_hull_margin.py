@@ -78,3 +78,15 @@ def test_a_cylinder_is_round_and_as_large_as_it_is_drawn(tmp_path: Path, client:
     shape = '<cylinder radius="0.05" length="0.1"/>'
     [thickness] = _thicknesses(tmp_path, client, shape, 0.0, rpy=lying)
     assert thickness == pytest.approx(0.1, abs=1e-5)
+
+
+def test_a_sharp_tip_keeps_its_place(tmp_path: Path, client: int) -> None:
+    """Faces a margin inside those of a cone of 20 degrees would meet 5 mm short of it."""
+    ring = [(8.0 * math.cos(k * math.pi / 12), 8.0 * math.sin(k * math.pi / 12)) for k in range(24)]
+    corners = "".join(f"v {x} {y} -20\n" for x, y in ring) + "v 0 0 25\n"
+    faces = "".join(f"f {k + 1} {(k + 1) % 24 + 1} 25\n" for k in range(24))
+    mesh = tmp_path / "cone.obj"
+    mesh.write_text(f"{corners}{faces}f {' '.join(str(k + 1) for k in range(24))}\n")
+    shape = f'<mesh filename="{mesh}" scale="0.001 0.001 0.001"/>'
+    [thickness] = _thicknesses(tmp_path, client, shape, 0.0)
+    assert thickness == pytest.approx(0.045, abs=3e-4)

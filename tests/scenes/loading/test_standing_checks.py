@@ -49,8 +49,8 @@ def moved(caster: str, x: float, z: float) -> tuple[str, str]:
         ),
         (
             [moved(FRONT, 0.09, 0.01199), moved(REAR, -0.09, 0.01199)],
-            "the wheels 0.01 mm above the floor; they reach to z = -0.01 and -0.01 mm of the frame axle, the "
-            "wheels to 0; let one of them end above the floor",
+            "the wheels 0.01 mm above the floor; they reach to z = -0.01 and -0.01 mm, the wheels to "
+            "0; let one of them end above the floor",
         ),
         (
             [(HEAVY, HEAVY.replace("0 0", "0.06 0")), moved(FRONT, 0.03, 0.012)],
