@@ -241,12 +241,18 @@ class Dispatcher:
         return True
 
     def _reaches(self, unit: UnitRecord, task: Task, tasks: TaskList) -> bool:
-        """Return whether a unit would reach the end of a task if it were alone with what it docks to."""
+        """Return whether a unit would reach the end of a task if all others were gone that can drive away."""
         X_WE, enters = self.ends.pose_of(task, tasks), self.ends.port_of(task)
         if X_WE is None or unit.X_WU is None:
             return True  # nobody knows
         request = self._request(unit, X_WE, enters)
-        kept = [s for s in request.standing if s.name in (request.leaves, request.enters)]
+        holders = {port[0] for other in self._units.values() for port in other.docks}
+        stay = {
+            other.name
+            for other in self._units.values()
+            if other.docks or other.name in holders or other.state is UnitState.FAILED
+        }
+        kept = [s for s in request.standing if s.name in stay or s.name in (request.leaves, request.enters)]
         return self._know.finder.find(replace(request, standing=kept)) is not None
 
     def _stays_closed(self, X_WE: SE2) -> bool:
