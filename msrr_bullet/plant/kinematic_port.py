@@ -152,7 +152,7 @@ class KinematicPort(PortMechanism):
 
     def pull_test(self) -> PullResult:
         """Compare the pull with the strength of the lock; a lock that is too weak releases the unit."""
-        if self._engaged and self._spec.pull_force_n <= self._spec.strength_n:
+        if self._engaged and self._spec.pull_force_n < self._spec.strength_n:
             return PullResult(0.0, True)
         self._engaged = False
         return PullResult(MAX_PULL_DISPLACEMENT, False)

@@ -147,21 +147,23 @@ class PinLock(PortMechanism):
         """Pull the two units apart along the docking axis and measure by how much they come apart.
 
         The wheels roll freely during the test; otherwise the floor could hold units that the lock does not.
+        Where the floor slopes, whoever pulls keeps the units from rolling down.
         """
         spec = self._spec
         hz = self._world.scene.physics_hz
         start = self._gap()
         opened = 0.0
-        for _ in range(max(round(spec.pull_time_s * hz), 1)):
-            self._plant.rouse(self.dock_step.unit, self.dock_step.target_unit)
-            axis, point = self._docking_axis()
-            for unit, sign in ((self._unit, -1.0), (self._target, 1.0)):
-                self._push(unit, sign * spec.pull_force_n * axis, point)
-            self._plant.step_freewheeling()
-            opened = max(opened, self._gap() - start)
-            if opened > MAX_PULL_DISPLACEMENT:
-                self._release()
-                break
+        with self._world.levelled():
+            for _ in range(max(round(spec.pull_time_s * hz), 1)):
+                self._plant.rouse(self.dock_step.unit, self.dock_step.target_unit)
+                axis, point = self._docking_axis()
+                for unit, sign in ((self._unit, -1.0), (self._target, 1.0)):
+                    self._push(unit, sign * spec.pull_force_n * axis, point)
+                self._plant.step_freewheeling()
+                opened = max(opened, self._gap() - start)
+                if opened > MAX_PULL_DISPLACEMENT:
+                    self._release()
+                    break
         return PullResult(opened, self.engaged)
 
     def _release(self) -> None:

@@ -8,7 +8,8 @@ bodies are created in the order of the scene.
 from __future__ import annotations
 
 import math
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from types import TracebackType
 
 import numpy as np
@@ -123,6 +124,16 @@ class BulletWorld:
         """Advance the physics by one tick of 1 / ``scene.physics_hz``."""
         self._planar.clear()
         pybullet.stepSimulation(physicsClientId=self.client)
+
+    @contextmanager
+    def levelled(self) -> Iterator[None]:
+        """Keep the floor from sloping within the block: gravity acts at right angles to it."""
+        x, y, z = gravity(self.built.floor)
+        pybullet.setGravity(0.0, 0.0, z, physicsClientId=self.client)
+        try:
+            yield
+        finally:
+            pybullet.setGravity(x, y, z, physicsClientId=self.client)
 
     def unit(self, name: str) -> UnitBody:
         """Return a unit by name; an unknown name lists the units."""

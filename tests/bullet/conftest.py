@@ -25,6 +25,7 @@ from msrr_bullet.simulation.world import BulletWorld
 from msrr_bullet.timeline.log_snapshots import read_snapshots
 from msrr_bullet.timeline.snapshot import Snapshot, StepSnapshot
 from msrr_bullet.trial.trial import Trial
+from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import LosObservation, LosStatus, Phase, Twist
@@ -320,7 +321,7 @@ def open_bench(kind: str, X_DP: SE2, port: str = "rear", **keys: Any) -> Iterato
     scene = make_scene(port, **keys)
     placement = place(scene, X_DP)
     if kind == "bullet":
-        with BulletWorld(scene, placement) as world:
+        with BulletWorld(scene, placement, built=draw_as_built(scene, 0)) as world:
             yield Bench(scene, BulletPlant(world))
     else:
         yield Bench(scene, KinematicPlant(scene, placement))

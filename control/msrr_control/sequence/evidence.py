@@ -92,12 +92,15 @@ def not_parted(c: DockingContext) -> str | None:
     """Return what speaks against the unit having left the port, in words; None if nothing.
 
     A target that is seen shows the gap. The wheels alone may have slipped: without sight their way counts
-    only while the lock reports open. A unit that the collision monitor held has not been stopped by its port.
+    only while the lock reports open. A unit that the collision monitor held has not been stopped by its port,
+    nor has one whose pins are farther to a side than the mouths of the holes are wide.
     """
     monitor, report = c.observation.monitor, c.observation.lock
     if monitor is not None and monitor.state is MonitorState.STOP:
         return None
     in_port = c.gap < c.setup.pin_reach + c.tuning.retreat.clear_m
+    if c.view is not None and abs(c.view.lateral) > with_doubt(c.setup.mouth, c.view.sigma_lateral):
+        in_port = False
     if c.view is not None and c.view.age <= c.spec.lost_time_s:
         return f"stuck, seen at {c.view}" if in_port else None
     if report is not None and report.position is not LockPosition.OPEN:

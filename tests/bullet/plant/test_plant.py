@@ -135,7 +135,7 @@ def test_the_pull_test_detects_a_weak_lock(bench, kind, strength_n, holds):
 
 @pytest.mark.parametrize("kind", PLANTS)
 @pytest.mark.parametrize("pull_n", [5.0, 60.0])
-@pytest.mark.parametrize(("share", "holds"), [(0.99, True), (1.01, False)])
+@pytest.mark.parametrize(("share", "holds"), [(0.99, True), (1.0, False), (1.01, False)])
 def test_the_strength_of_the_lock_is_exact_to_one_percent(bench, kind, pull_n, share, holds):
     """The tension in the constraint is the pull alone; wheels and contact carry no part of it."""
     with bench(kind, BEFORE, lock={"strength_n": pull_n / share, "pull_force_n": pull_n}) as b:

@@ -113,6 +113,23 @@ def test_the_pull_of_units_that_nothing_holds_ends_two_millimetres_apart(bench):
         assert b.gap - before == pytest.approx(result.displacement_m, abs=1e-4)
 
 
+def test_a_pulled_pair_does_not_roll_down_a_slope(bench):
+    """Free wheels would take it 2.4 m down the slope, by whatever else stands there."""
+    floor = {"floor": {"slope_x_deg": 3.0, "slope_y_deg": -2.0}}
+    with bench("bullet", BEFORE, lock={"pull_time_s": 10.0}, as_built=floor) as b:
+        b.dock()
+        b.drive(0.0, 0.5)
+        before = b.plant.pose("b")
+        assert b.plant.pull_test("a").holds
+        after = b.plant.pose("b")
+        assert math.dist((after.x, after.y), (before.x, before.y)) < 0.005
+        for motor in b.plant._motors.values():
+            motor.release()
+        for _ in range(240):
+            b.plant.world.step()
+        assert b.plant.twist("b").v != pytest.approx(0.0, abs=0.1)  # the floor slopes again
+
+
 def test_a_port_without_holes_cannot_be_docked_to(two_units, before_port):
     scene = two_units("front")
     with BulletWorld(scene, before_port(scene, BEFORE)) as world:

@@ -777,6 +777,20 @@ def test_a_retreat_that_cannot_part_from_the_port_ends_the_step(facts: DockSetup
     assert "cam not closed" in belief.reason, "why it backed out in the first place"
 
 
+@pytest.mark.parametrize(("lateral", "parted"), [(0.010, False), (0.021, True), (0.5, True)])
+def test_only_a_unit_before_the_mouths_can_be_stuck_in_them(
+    facts: DockSetup, lateral: float, parted: bool
+) -> None:
+    """What keeps it from backing out is not the port: pins that far to a side are in no hole of 15 mm."""
+    desk = Desk(facts)
+    desk.to_dock()
+    while desk.machine.attempt == 1 and not desk.machine.finished:
+        assert desk.now_ns < 60e9
+        desk.ask(desk.at(-0.056, lateral), lock=(LockPosition.OPEN, desk.now_ns))
+    assert (desk.machine.attempt == 2) is parted
+    assert (desk.machine.belief.setback is FailureReason.NOT_RELEASED) is not parted
+
+
 # The retreat: how long the unit waits for an overhead picture before it backs out.
 
 
