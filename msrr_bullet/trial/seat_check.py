@@ -1,4 +1,4 @@
-"""The check that robots fit together when they are docked, by the shapes that the physics has of them."""
+"""The check that robots fit together when they dock, by the shapes that the physics has of them."""
 
 from __future__ import annotations
 
@@ -13,27 +13,32 @@ from msrr_scenes.specs.scene import Scene
 #: docked, and with one of 2 mm they did not.
 _DEEPEST_M = 1.2e-3
 
+#: Distances of the two faces that are looked at [m]: the seat, then the straight way to it.
+_GAPS_M = (0.0, *(1e-3 * k for k in range(150, 0, -1)))
+
 
 def check_seats(scene: Scene, world: BulletWorld) -> None:
-    """Refuse robots whose shapes would overlap in the seat; it moves them.
+    """Refuse robots whose shapes would overlap in the seat, or on the straight way to it; it moves them.
 
     Raises:
         SceneError: The message names the pair, and where it meets.
     """
     for unit, port, target, target_port in docking_pairs(scene):
-        X_TD = scene.geometry(target).dock_frame(target_port)
-        X_TU = X_TD @ scene.geometry(unit).port(port).inverse()
+        X_TD, X_UP = scene.geometry(target).dock_frame(target_port), scene.geometry(unit).port(port)
         world.place(target, SE2(), (0.0, 0.0))
-        world.place(unit, X_TU, (0.0, 0.0))
-        touching = pybullet.getClosestPoints(
-            world.unit(unit).body, world.unit(target).body, 0.0, physicsClientId=world.client
-        )
-        depth, place = max(((-point[8], point[6]) for point in touching), default=(0.0, None))
-        if place is not None and depth > _DEEPEST_M:
-            at = X_TD.inverse().act([place[:2]])[0]
-            side = f"{1e3 * abs(at[1]):.0f} mm {'left' if at[1] > 0.0 else 'right'} of the axis"
-            raise SceneError(
-                f"{unit} at {target}.{target_port}: seated they would overlap by {1e3 * depth:.1f} mm, "
-                f"{1e3 * at[0]:z.0f} mm behind the face of {target}, {side} and {1e3 * place[2]:.0f} mm up. "
-                "Move that collision shape back, or the frames of the ports forward"
+        for gap in _GAPS_M:
+            world.place(unit, X_TD @ SE2(-gap) @ X_UP.inverse(), (0.0, 0.0))
+            touching = pybullet.getClosestPoints(
+                world.unit(unit).body, world.unit(target).body, 0.0, physicsClientId=world.client
             )
+            depth, place = max(((-point[8], point[6]) for point in touching), default=(0.0, None))
+            if place is not None and depth > _DEEPEST_M:
+                at = X_TD.inverse().act([place[:2]])[0]
+                where = f"{1e3 * gap:.0f} mm before the seat" if gap else "seated"
+                side = f"{1e3 * abs(at[1]):.0f} mm {'left' if at[1] > 0.0 else 'right'} of the axis"
+                raise SceneError(
+                    f"{unit} at {target}.{target_port}: {where} they would overlap by "
+                    f"{1e3 * depth:.1f} mm, {1e3 * at[0]:z.0f} mm behind the face of {target}, {side} and "
+                    f"{1e3 * place[2]:.0f} mm up. Move that collision shape out of the way, or the frames of "
+                    "the ports forward"
+                )
