@@ -12,6 +12,7 @@ from msrr_bullet.trial.camera_views import check_views
 from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.mission import begin_planned
 from msrr_bullet.trial.seat_check import check_seats
+from msrr_bullet.trial.stance_check import check_stance
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.trial import begin_mission
 from msrr_control.sequence.feasibility import check_sequence
@@ -82,6 +83,7 @@ def _check(scene: Scene) -> None:
             environment.locked.add(step.step)
         world = environment.simulation.world
         if scene.plant == "bullet" and world is not None:
+            check_stance(world)
             check_seats(scene, world)
         if scene.perception == "images" and world is not None:
             for camera in cameras:
