@@ -19,6 +19,8 @@ from msrr_scenes.geometry.urdf_tree import urdf_origin
 #: micrometres span at least ten times as much; a rounding of a position in a room spans a tenth.
 _FLAT_M2 = 1e-13
 
+#: Points as near to each other along x are one column [m]: a rounding must not tell their order.
+_COLUMN_M = 1e-9
 
 #: Shapes without a file, and the attributes of a URDF that give their sizes.
 PRIMITIVES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
@@ -164,7 +166,11 @@ def hull_or_line(points: Array) -> Array:
     Args:
         points: Two points or more, shape (N, 2) [m].
     """
-    rightwards = points[np.lexsort((-points[:, 1], points[:, 0]))].tolist()
+    order = np.argsort(points[:, 0])
+    column = np.empty(len(points), dtype=np.int64)
+    column[order] = np.cumsum(np.diff(points[order, 0], prepend=points[order[0], 0]) > _COLUMN_M)
+    # From the top of a column down: a chain that met a point between two others last would lose the lowest.
+    rightwards = points[np.lexsort((-points[:, 1], column))].tolist()
     return np.array(_lower_chain(rightwards)[:-1] + _lower_chain(rightwards[::-1])[:-1])
 
 

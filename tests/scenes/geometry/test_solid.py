@@ -10,6 +10,7 @@ from scipy.spatial import ConvexHull
 
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.mesh_points import obj_vertices
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import Solid, convex_hull, read_solids
 
@@ -59,6 +60,19 @@ def test_the_hull_is_that_of_scipy(seed: int) -> None:
     ahead = np.roll(step, -1, axis=0)
     assert (step[:, 0] * ahead[:, 1] - step[:, 1] * ahead[:, 0] > 0.0).all()  # left turns all the way round
     assert hull[0, 0] == points[:, 0].min()
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 90.0, -90.0, 180.0, -180.0, 270.0])
+def test_the_hull_of_an_upright_rectangle_is_whole_whatever_its_angle_was_rounded_to(turn_deg: float) -> None:
+    """Points of one edge are off the vertical by less than a rounding, in any order."""
+    grid = np.array([[x, y] for x in (-0.35, -0.13, 0.15, 0.37) for y in (-0.1, 0.1)])
+    for k in range(-40, 41):
+        X = SE2(0.3, -0.2, math.radians(turn_deg) + k * 2.3e-16)
+        turned = X.act(np.roll(grid, k, axis=0))
+        hull = convex_hull(turned)
+        step = np.roll(hull, -1, axis=0) - hull
+        rel = turned[:, None] - hull[None]
+        assert (step[:, 0] * rel[..., 1] - step[:, 1] * rel[..., 0] > -1e-12).all()
 
 
 def test_points_on_one_line_have_no_hull() -> None:

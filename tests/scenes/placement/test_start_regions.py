@@ -1,7 +1,7 @@
 """Start regions: the overlap of outlines, and regions that hold every start that can be drawn."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from msrr_scenes import load_scene
@@ -46,6 +46,7 @@ SPREADS = st.just(0.0) | st.floats(1e-4, 0.3)
     st.floats(-180.0, 180.0),
     st.integers(0, 1000),
 )
+@example(0.0, 0.25, 0.0, 89.99999999999997, 0)
 def test_a_region_holds_every_start(x: float, y: float, yaw: float, middle: float, seed: int) -> None:
     pose = PoseSpec(x_m=0.3, y_m=-0.2, yaw_deg=middle, spread=Spread(x_m=x, y_m=y, yaw_deg=yaw))
     outline = np.array([[0.12, 0.1], [-0.1, 0.1], [-0.1, -0.1], [0.12, -0.1]])
