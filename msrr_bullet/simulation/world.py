@@ -128,7 +128,8 @@ class BulletWorld:
     @contextmanager
     def levelled(self) -> Iterator[None]:
         """Keep the floor from sloping within the block: gravity acts at right angles to it."""
-        x, y, z = gravity(self.built.floor)
+        engine = pybullet.getPhysicsEngineParameters(physicsClientId=self.client)
+        x, y, z = (engine[f"gravityAcceleration{axis}"] for axis in "XYZ")
         pybullet.setGravity(0.0, 0.0, z, physicsClientId=self.client)
         try:
             yield
