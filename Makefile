@@ -1,4 +1,4 @@
-# make demo | test | check | nightly | bench | docs. Every target sets up what it needs; the only requirements
+# make demo | test | check | nightly | lowest | bench | docs. Every target sets up what it needs; the only requirements
 # are CPython 3.11 and make.
 PYTHON ?= python3.11
 VENV := .venv
@@ -10,7 +10,7 @@ JOBS ?= 2
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: venv demo test nightly check docs format bench clean
+.PHONY: venv demo test nightly lowest check docs format bench clean
 
 venv: $(DEV)
 
@@ -31,7 +31,7 @@ demo: $(STAMP)
 
 # Tests start a hundred processes of their own, each of which would compile all modules anew where the environment
 # forbids to keep bytecode: a third of their time.
-test nightly: export PYTHONDONTWRITEBYTECODE :=
+test nightly lowest: export PYTHONDONTWRITEBYTECODE :=
 
 test: $(DEV)
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not nightly"
@@ -39,6 +39,14 @@ test: $(DEV)
 nightly: $(DEV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group notebook --editable ".[dask,profile,pyapriltags,rerun]"
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+
+# The tests with the lowest versions that pyproject.toml admits. Pip does not choose them; uv does.
+lowest: $(DEV)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group lowest
+	$(BIN)/uv venv --quiet --clear --python $(BIN)/python $(VENV)/lowest
+	$(BIN)/uv pip install --quiet --python $(VENV)/lowest/bin/python --resolution lowest-direct \
+		--group dev --editable ".[dask,profile,pyapriltags,rerun]"
+	$(VENV)/lowest/bin/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not nightly"
 
 check: $(DEV)
 	$(BIN)/ruff check .

@@ -131,6 +131,7 @@ def test_the_board_to_print_is_that_of_the_tutorial(tmp_path: Path, monkeypatch:
     (text,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(matplotlib.rcParams, "pdf.compression", 0)
+    monkeypatch.setitem(matplotlib.rcParams, "savefig.dpi", 300)  # images are moved to whole pixels
     exec(compile(text.replace("board.pdf", "board.png"), "calibration.md", "exec"), {})
     placed = rb"([\d.]+) 0 0\s-([\d.]+) 0 [\d.]+ cm /I\d+ Do"  # width and height of an image in a PDF file
     drawn_pt = re.findall(placed, Path("marker.pdf").read_bytes())

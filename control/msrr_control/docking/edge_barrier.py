@@ -108,7 +108,8 @@ class EdgeBarrier:
         """
         self.bound = setup.los.outer - margin
         if self.bound <= 0.0:
-            raise SceneError(f"margin_deg = {math.degrees(margin):g} leaves nothing of los.outer_deg")
+            key, value = "control.docking.params.margin_deg", math.degrees(margin)
+            raise SceneError(f"{key} = {value:g} leaves nothing of los.outer_deg")
         limits, period = setup.limits, 1.0 / setup.rate_hz
         self.gains = EnvelopeGains(gamma=braking * limits.dw_max_radps2, rho=rho_rad)
         self.lead_s = period / -math.expm1(-limits.kappa_per_s * period)

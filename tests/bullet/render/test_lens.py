@@ -98,9 +98,7 @@ def test_a_picture_is_the_warp_of_a_finer_one(units: tuple[RasterRenderer, SE3],
     fine = PinholeCamera(160 * 4 + 600, 120 * 4 + 600, 4.0 * camera.focal)
     y, x = (np.mgrid[0:480, 0:640] + 0.5) / 4.0 - 0.5
     points = np.stack([x, y], axis=-1).reshape(-1, 1, 2)
-    plane = cv2.undistortPoints(
-        points, camera.matrix(), coefficients(lens), None, None, None, (cv2.TERM_CRITERIA_COUNT, 200, 0.0)
-    )[:, 0]
+    plane = undistorted(points, camera, lens)
     places = fine.project(np.column_stack([plane, np.ones(len(plane))])).astype(np.float32)
     for X_WC in views(X_WB, 4, seed=11):
         plain = renderer.render(fine, X_WC, fine.frame)
@@ -111,6 +109,17 @@ def test_a_picture_is_the_warp_of_a_finer_one(units: tuple[RasterRenderer, SE3],
         error = np.abs(through(renderer, lens, camera, X_WC, camera.frame) - expected)
         assert error.mean() < 0.3
         assert np.quantile(error, 0.995) < 2.0 * 255.0 / 16.0
+
+
+def undistorted(points: NDArray[np.float64], camera: PinholeCamera, lens: Distortion) -> NDArray[np.float64]:
+    """Return the points of a picture in the plane at distance 1, by 200 steps; OpenCV 4 offers but 5."""
+    ideal = cv2.undistortPoints(points, camera.matrix(), None)[:, 0]
+    plane, still = ideal.copy(), np.zeros(3)
+    for _ in range(200):
+        ahead = np.column_stack([plane, np.ones(len(plane))])
+        seen, _ = cv2.projectPoints(ahead, still, still, np.eye(3), coefficients(lens))
+        plane += ideal - seen[:, 0]
+    return plane
 
 
 def coefficients(lens: Distortion) -> NDArray[np.float64]:
