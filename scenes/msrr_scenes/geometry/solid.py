@@ -19,9 +19,6 @@ from msrr_scenes.geometry.urdf_tree import urdf_origin
 #: micrometres span at least ten times as much; a rounding of a position in a room spans a tenth.
 _FLAT_M2 = 1e-13
 
-#: Points as near to each other along x are one column [m]: a rounding must not tell their order.
-_COLUMN_M = 1e-9
-
 #: Shapes without a file, and the attributes of a URDF that give their sizes.
 PRIMITIVES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
 
@@ -166,12 +163,18 @@ def hull_or_line(points: Array) -> Array:
     Args:
         points: Two points or more, shape (N, 2) [m].
     """
-    order = np.argsort(points[:, 0])
-    column = np.empty(len(points), dtype=np.int64)
-    column[order] = np.cumsum(np.diff(points[order, 0], prepend=points[order[0], 0]) > _COLUMN_M)
-    # From the top of a column down: a chain that met a point between two others last would lose the lowest.
-    rightwards = points[np.lexsort((-points[:, 1], column))].tolist()
-    return np.array(_lower_chain(rightwards)[:-1] + _lower_chain(rightwards[::-1])[:-1])
+    rightwards = points[np.lexsort((-points[:, 1], points[:, 0]))].tolist()
+    turns = [*_lower_chain(rightwards)[:-1], *_lower_chain(rightwards[::-1])[:-1]]
+    # What is flat is left out afterwards: the order along x says nothing of points on an upright edge.
+    corners: list[list[float]] = []
+    for point in (*turns, turns[0]):
+        while len(corners) > 1 and _is_on_edge(corners[-2], corners[-1], point):
+            corners.pop()
+        corners.append(point)
+    corners.pop()
+    while len(corners) > 2 and _is_on_edge(corners[-1], corners[0], corners[1]):
+        del corners[0]
+    return np.array(corners)
 
 
 def _lower_chain(points: list[list[float]]) -> list[list[float]]:
@@ -182,11 +185,17 @@ def _lower_chain(points: list[list[float]]) -> list[list[float]]:
         while len(chain) > 1:
             ax, ay = chain[-2]
             bx, by = chain[-1]
-            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > _FLAT_M2:
+            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0:
                 break
             chain.pop()
         chain.append(point)
     return chain
+
+
+def _is_on_edge(a: list[float], b: list[float], c: list[float]) -> bool:
+    """Return whether a hull that turns left from ``a`` over ``b`` to ``c`` has no corner at ``b``."""
+    ux, uy, vx, vy = b[0] - a[0], b[1] - a[1], c[0] - b[0], c[1] - b[1]
+    return ux * vy - uy * vx <= _FLAT_M2 and ux * vx + uy * vy >= 0.0
 
 
 def _circle() -> Array:
