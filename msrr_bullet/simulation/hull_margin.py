@@ -71,8 +71,10 @@ def _inset(points: Array) -> tuple[Array, NDArray[np.int_]]:
     hull = ConvexHull(points)
     planes = hull.equations  # outward normal and offset: inside where their sum is negative
     middle = points[hull.vertices].mean(axis=0)
-    inside = -(planes[:, :3] @ middle + planes[:, 3])
-    planes[:, 3] += min(_MARGIN_M, _MOST * float(inside.min()))
+    depth = -(planes[:, :3] @ middle + planes[:, 3]).max()
+    if _MOST * depth < _MARGIN_M:  # near the end of a rod, say, if that end has most of the vertices
+        middle, depth = _deepest(planes)
+    planes[:, 3] += min(_MARGIN_M, _MOST * depth)
     inner = np.asarray(HalfspaceIntersection(planes, middle).intersections, dtype=np.float64)
     # Faces would take a sharp tip away: it ends a margin inside, with flanks that are a little large.
     corners = points[hull.vertices]
@@ -84,3 +86,17 @@ def _inset(points: Array) -> tuple[Array, NDArray[np.int_]]:
     if len(inner) > _MANY:  # of a round shape each corner has become several
         inner = inner[np.unique(np.floor(inner / _APART_M), axis=0, return_index=True)[1]]
     return inner, ConvexHull(inner).simplices.astype(np.int_)
+
+
+def _deepest(planes: Array) -> tuple[Array, float]:
+    """Return the point of a hull that is farthest from its faces (the Chebyshev centre), and how far [m]."""
+    from scipy.optimize import linprog
+
+    per_m = 1e3  # in millimetres the tolerance of the solver is 0.1 nm
+    farther = np.column_stack([planes[:, :3], np.ones(len(planes))])
+    free = (None, None)
+    found = linprog(
+        [0.0, 0.0, 0.0, -1.0], farther, -per_m * planes[:, 3], bounds=[free, free, free, (0.0, None)]
+    )
+    assert found.x is not None, "a hull has an inside"
+    return found.x[:3] / per_m, float(found.x[3]) / per_m

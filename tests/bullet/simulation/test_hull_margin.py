@@ -57,6 +57,25 @@ def test_a_mesh_is_as_thick_as_it_is_drawn(
     assert thickness == pytest.approx(1e-3 * (2.0 * half_mm + excess_mm), abs=2e-5)
 
 
+def test_a_thin_rod_is_as_thick_as_it_is_drawn_though_most_of_its_vertices_are_at_one_end(
+    tmp_path: Path, client: int
+) -> None:
+    """Of a rod of 5 mm the tip is finely meshed, and the middle of all vertices is 0.5 mm below it."""
+    radius, lines, rings = 0.0025, ["o rod"], 200
+    for k in range(-1, rings):
+        x, around = (
+            (-0.03, radius) if k < 0 else (0.03 + 2e-6 * k, radius * math.sqrt(1.0 - (k / rings) ** 2))
+        )
+        turns = (2.0 * math.pi * side / 24 for side in range(24))
+        lines += [f"v {x} {around * math.cos(t)} {around * math.sin(t)}" for t in turns]
+    mesh = tmp_path / "rod.obj"
+    faces = [f"f {k + 1} {k + 2} {k + 25}" for k in range(24 * rings)]
+    mesh.write_text("\n".join([*lines, *faces]) + "\n")
+    shape = f'<mesh filename="{mesh}"/>'
+    for thickness in _thicknesses(tmp_path, client, shape, -0.02, 0.0, 0.02):
+        assert thickness == pytest.approx(2.0 * radius, abs=3e-5)
+
+
 def test_every_object_of_a_file_is_a_hull_of_its_own(tmp_path: Path, client: int) -> None:
     """Faces count vertices from the first of the file, or back from the last one so far."""
     absolute = "".join(f"f {face}\n" for face in _FACES)
