@@ -40,3 +40,11 @@ def test_a_joint_that_throws_the_robot_is_named(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"arm\.urdf: a does not stand still.*\(shoulder\)"):
         check_trial(scene)
     check_trial(scene.model_copy(update={"plant": "unicycle"}))
+
+
+@pytest.mark.parametrize(
+    "floor",
+    ["{ridge_m: 0.003}", "{slope_x_deg: 10, slope_y_deg: -10}", "{slope_x_deg: 10, friction_percent: -90}"],
+)
+def test_what_the_floor_does_to_a_robot_is_no_fault_of_the_robot(floor: str) -> None:
+    check_trial(load_scene("close_range", {"as_built": f"{{floor: {floor}}}"}))
