@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.unit_body import ROOT
@@ -21,6 +23,18 @@ def gravity(floor: BuiltFloor) -> tuple[float, float, float]:
     x, y = (math.tan(angle) for angle in floor.slope)
     length = math.sqrt(1.0 + x * x + y * y)
     return -GRAVITY_MPS2 * x / length, -GRAVITY_MPS2 * y / length, -GRAVITY_MPS2 / length
+
+
+@contextmanager
+def levelled(client: int) -> Iterator[None]:
+    """Keep the floor of a client from sloping within the block: gravity acts at right angles to it."""
+    engine = pybullet.getPhysicsEngineParameters(physicsClientId=client)
+    x, y, z = (engine[f"gravityAcceleration{axis}"] for axis in "XYZ")
+    pybullet.setGravity(0.0, 0.0, z, physicsClientId=client)
+    try:
+        yield
+    finally:
+        pybullet.setGravity(x, y, z, physicsClientId=client)
 
 
 def add_floor(client: int, floor: BuiltFloor, arena: ArenaSpec) -> int:

@@ -17,6 +17,7 @@ import numpy as np
 from msrr_bullet.plant.lock_actuator import LOCK_REACH, MAX_PULL_DISPLACEMENT, PullResult
 from msrr_bullet.plant.plant import PortMechanism
 from msrr_bullet.silent_pybullet import pybullet
+from msrr_bullet.simulation.floor import levelled
 from msrr_bullet.simulation.pin_depth import SIDES, PinDepths
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody
 from msrr_bullet.simulation.world import BulletWorld
@@ -153,7 +154,7 @@ class PinLock(PortMechanism):
         hz = self._world.scene.physics_hz
         start = self._gap()
         opened = 0.0
-        with self._world.levelled():
+        with levelled(self._world.client):
             for _ in range(max(round(spec.pull_time_s * hz), 1)):
                 self._plant.rouse(self.dock_step.unit, self.dock_step.target_unit)
                 axis, point = self._docking_axis()

@@ -8,8 +8,7 @@ bodies are created in the order of the scene.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from types import TracebackType
 
 import numpy as np
@@ -124,17 +123,6 @@ class BulletWorld:
         """Advance the physics by one tick of 1 / ``scene.physics_hz``."""
         self._planar.clear()
         pybullet.stepSimulation(physicsClientId=self.client)
-
-    @contextmanager
-    def levelled(self) -> Iterator[None]:
-        """Keep the floor from sloping within the block: gravity acts at right angles to it."""
-        engine = pybullet.getPhysicsEngineParameters(physicsClientId=self.client)
-        x, y, z = (engine[f"gravityAcceleration{axis}"] for axis in "XYZ")
-        pybullet.setGravity(0.0, 0.0, z, physicsClientId=self.client)
-        try:
-            yield
-        finally:
-            pybullet.setGravity(x, y, z, physicsClientId=self.client)
 
     def unit(self, name: str) -> UnitBody:
         """Return a unit by name; an unknown name lists the units."""

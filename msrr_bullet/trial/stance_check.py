@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from msrr_bullet.silent_pybullet import pybullet
+from msrr_bullet.simulation.floor import levelled
 from msrr_bullet.simulation.unit_body import UnitBody
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import SceneError
@@ -25,7 +26,7 @@ def check_stance(world: BulletWorld) -> None:
     if world.built.floor.ridge_m > 0.0:
         return
     before = {name: world.pose(name) for name in world.units}
-    with world.levelled():
+    with levelled(world.client):
         for _ in range(round(_TIME_S * world.scene.physics_hz)):
             world.step()
     for name, unit in world.units.items():
