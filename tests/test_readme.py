@@ -13,10 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-import typer.main
-from typer.core import TyperGroup
 
-from msrr_bullet.cli.app import app
+from msrr_bullet.cli.app import program
 from msrr_bullet.run import run_trial
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
@@ -72,7 +70,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, shipped: Callable[..., Scen
     work = tmp_path_factory.mktemp("readme")
     run_trial(shipped("close_range", {"time_limit_s": "1"}), 1, out=work / "run")
     (work / "runs").mkdir()
-    for name in {n for program in PROGRAMS for n in re.findall(r"runs/(\w+)", program.text)}:
+    for name in {n for piece in PROGRAMS for n in re.findall(r"runs/(\w+)", piece.text)}:
         (work / "runs" / name).symlink_to(work / "run")
     return work
 
@@ -118,11 +116,9 @@ def test_a_scene_loads(scene: Piece, tmp_path: Path) -> None:
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda c: f"{c}-{c.text.split()[0]}")
 def test_a_command_exists_with_these_options(command: Piece) -> None:
     """Looked up, not run: names in capitals stand for something of the reader's."""
-    program = typer.main.get_command(app)
-    assert isinstance(program, TyperGroup)
     name, *words = shlex.split(command.text, comments=True)
-    with program.make_context("msrr", ["--help"], resilient_parsing=True) as context:
-        chosen = program.get_command(context, name)
+    with program().make_context("msrr", ["--help"], resilient_parsing=True) as context:
+        chosen = program().get_command(context, name)
         assert chosen is not None, f"{command}: msrr has no command {name!r}"
         options = {option for parameter in chosen.params for option in parameter.opts}
         for word in (w.strip("[]") for w in words):

@@ -5,12 +5,9 @@ from __future__ import annotations
 import os
 from contextlib import redirect_stdout
 from io import StringIO
-from typing import Any
-
-import typer.main
 
 from msrr_bullet.cli import exit_codes
-from msrr_bullet.cli.app import app, run
+from msrr_bullet.cli.app import program, run
 
 _HEAD = f"""\
 # Command line
@@ -34,8 +31,7 @@ _WIDTH = "100"
 
 def command_names() -> list[str]:
     """Return the names of all commands, in the order of the program's help."""
-    program: Any = typer.main.get_command(app)
-    return list(program.commands)
+    return list(program().commands)
 
 
 def commands_page() -> str:

@@ -11,10 +11,12 @@ import os
 import signal
 import sys
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
+from typer.core import TyperGroup
 
 from msrr_bullet.cli import (
     bench_commands,
@@ -72,10 +74,18 @@ def _terminate(number: int, frame: object) -> NoReturn:
     raise Terminated(number)
 
 
+@cache
+def program() -> TyperGroup:
+    """Return the program with all its commands, which is made of their signatures once."""
+    made = typer.main.get_command(app)
+    assert isinstance(made, TyperGroup)
+    return made
+
+
 def run(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit code."""
     try:
-        app(list(arguments), prog_name="msrr")
+        program()(list(arguments), prog_name="msrr")
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 0
     except OSError as error:  # of the help, which is written before any command is invoked

@@ -6,12 +6,10 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
-import typer
 
-from msrr_bullet.cli.app import app, run
+from msrr_bullet.cli.app import program, run
 from msrr_scenes.loading.calibration_file import write_calibration
 from msrr_scenes.loading.file_schema import KINDS
 from msrr_scenes.loading.load import shipped_scenes
@@ -28,7 +26,7 @@ def test_help_and_version(capsys: Capture) -> None:
     assert "pybullet" in capsys.readouterr().out
 
 
-COMMANDS: dict[str, Any] = typer.main.get_command(app).commands
+COMMANDS = program().commands
 
 
 @pytest.mark.parametrize("name", COMMANDS)
