@@ -8,13 +8,13 @@ from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.render import RENDERERS, RenderContext, build_renderer
 from msrr_bullet.render.raster.bodies import LoadedBodies
 from msrr_bullet.render.raster_renderer import RasterRenderer
-from msrr_bullet.trial.camera_views import check_views
 from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.mission import begin_planned
 from msrr_bullet.trial.seat_check import check_seats
 from msrr_bullet.trial.stance_check import check_stance
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.trial import begin_mission
+from msrr_bullet.trial.view_check import check_views
 from msrr_control.sequence.feasibility import check_sequence
 from msrr_control.staging.feasibility import check_assembly, check_time
 from msrr_control.staging.registry import ASSEMBLERS
@@ -55,7 +55,6 @@ def check_trial(scene: Scene) -> None:
 def _check(scene: Scene) -> None:
     check_scene(scene)
     check_sequence(scene)
-    check_views(scene)
     resolve("assembler", scene.control.assembly.name, ASSEMBLERS)
     if scene.coordinated:
         from msrr_bullet.base_station.base_station import check_mission  # for the reason in begin_mission
@@ -71,6 +70,8 @@ def _check(scene: Scene) -> None:
     telemetry = Telemetry(NullRecorder(), scene)
     placement = draw_placement(scene, lambda name: stream(0, name))
     with open_environment(scene, 0, placement, draw_as_built(scene, 0)) as environment:
+        world = environment.simulation.world
+        check_views(scene, world if scene.perception == "images" else None)
         if scene.coordinated:
             from msrr_bullet.robot.unit_programs import check_programs
 
@@ -81,7 +82,6 @@ def _check(scene: Scene) -> None:
             if step.robot.failure is not None:
                 raise step.robot.failure
             environment.locked.add(step.step)
-        world = environment.simulation.world
         if scene.plant == "bullet" and world is not None:
             check_stance(world)
             check_seats(scene, world)

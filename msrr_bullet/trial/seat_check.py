@@ -23,8 +23,9 @@ def check_seats(scene: Scene, world: BulletWorld) -> None:
     Raises:
         SceneError: The message names the pair, and where it meets.
     """
-    for unit, port, target, target_port in docking_pairs(scene):
-        X_TD, X_UP = scene.geometry(target).dock_frame(target_port), scene.geometry(unit).port(port)
+    for dock in docking_pairs(scene):
+        unit, target = dock.unit, dock.target_unit
+        X_TD, X_UP = scene.geometry(target).dock_frame(dock.target_port), scene.geometry(unit).port(dock.port)
         world.place(target, SE2(), (0.0, 0.0))
         for gap in _GAPS_M:
             world.place(unit, X_TD @ SE2(-gap) @ X_UP.inverse(), (0.0, 0.0))
@@ -37,7 +38,7 @@ def check_seats(scene: Scene, world: BulletWorld) -> None:
                 where = f"{1e3 * gap:.0f} mm before the seat" if gap else "seated"
                 side = f"{1e3 * abs(at[1]):.0f} mm {'left' if at[1] > 0.0 else 'right'} of the axis"
                 raise SceneError(
-                    f"{unit} at {target}.{target_port}: {where} they would overlap by "
+                    f"{unit} at {dock.to}: {where} they would overlap by "
                     f"{1e3 * depth:.1f} mm, {1e3 * at[0]:z.0f} mm behind the face of {target}, {side} and "
                     f"{1e3 * place[2]:.0f} mm up. Move that collision shape out of the way, or the frames of "
                     "the ports forward"

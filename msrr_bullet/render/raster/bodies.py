@@ -80,6 +80,21 @@ class LoadedBodies:
             rows += [state[4] + state[5] for state in states]
         return np.array(rows, dtype=np.float64).reshape(-1, 7)
 
+    def triangles(self, body: int) -> Array:
+        """Return the corners in W of all triangles that are drawn of a body now, shape (T, 3, 3) [m].
+
+        They are counter-clockwise when seen from outside.
+        """
+        poses, rows = self.poses(), self._rows.get(body, [])
+        corners = [
+            (SE3.from_quaternion_xyzw(poses[shape.frame, :3], poses[shape.frame, 3:]) @ shape.X_MG).act(
+                shape.mesh.vertices
+            )[shape.mesh.triangles]
+            for shape in self.shapes
+            if shape.frame in rows
+        ]
+        return np.concatenate([np.empty((0, 3, 3)), *corners])
+
     def displaced(self, poses: Array, displacements: Mapping[int, SE3]) -> Array:
         """Return :meth:`poses` after bodies, given by their ids, have been displaced as a whole.
 

@@ -9,6 +9,7 @@ from msrr_scenes.geometry.pin_and_hole import PinAndHole, bounds
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.loading.problems import KeyPath, Problem
+from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
 #: Largest distance and angle of an active port from straight ahead. The robot steers the point ahead of the
@@ -26,7 +27,8 @@ _DRAWN_M = 1e-5
 
 def mechanism_problems(scene: Scene) -> Iterator[Problem]:
     """Yield active ports that are not straight ahead, and pins that do not fit the holes of a step."""
-    for unit, port, target, target_port in docking_pairs(scene):
+    for dock in docking_pairs(scene):
+        unit, port, target = dock.unit, dock.port, dock.target_unit
         mapped = f"port_{port}" in scene.units[unit].frames
         path: KeyPath = ("units", unit, "frames", f"port_{port}") if mapped else ("units", unit, "urdf")
         own = scene.geometry(unit)
@@ -34,28 +36,27 @@ def mechanism_problems(scene: Scene) -> Iterator[Problem]:
         if text is None:
             holes = scene.geometry(target)
             if scene.plant == "bullet":
-                text = _misfit(own, port, holes, target_port, scene.judge.seated_depth_m)
-            text = text or _narrow(own, port, holes, target_port)
-            text = text and f"to dock to {target}.{target_port}: {text}"
+                text = _misfit(own, port, holes, dock.target_port, scene.judge.seated_depth_m)
+            text = text or _narrow(own, port, holes, dock.target_port)
+            text = text and f"to dock to {dock.to}: {text}"
         if text is not None:
             yield Problem(path, f"{own.urdf.name}: {text}")
 
 
-def docking_pairs(scene: Scene) -> list[tuple[str, str, str, str]]:
-    """Return what may dock: unit, its active port, the target unit and its port."""
+def docking_pairs(scene: Scene) -> tuple[DockStep, ...]:
+    """Return what may dock in a scene; of robots that build a shape one of each pair that differs."""
     if scene.shape is None:
-        docks = (*scene.docks, *scene.assembled_docks)
-        return [(dock.unit, dock.port, dock.target_unit, dock.target_port) for dock in docks]
+        return (*scene.docks, *scene.assembled_docks)
     alike: dict[tuple[UnitGeometry, UnitGeometry], tuple[str, str]] = {}
     for unit in scene.units:
         for target in scene.units:
             if target != unit:
                 alike.setdefault((scene.geometry(unit), scene.geometry(target)), (unit, target))
-    return [
-        (unit, "front", target, port)
+    return tuple(
+        DockStep(unit=unit, to=f"{target}.{port}")
         for (_, geometry), (unit, target) in alike.items()
         for port in geometry.passive_ports
-    ]
+    )
 
 
 def _aside(own: UnitGeometry, port: str) -> str | None:

@@ -6,9 +6,7 @@ import pytest
 
 from msrr_bullet.run import run_trial
 from msrr_bullet.trial.camera_views import coarse_tags
-from msrr_bullet.trial.check import check_trial
 from msrr_bullet.trial.result import Outcome
-from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene, shipped_scenes
 
 
@@ -47,22 +45,3 @@ def test_an_obstacle_is_found_from_above_with_tags_of_1_6_px_per_module() -> Non
     result = run_trial(load_scene("two_units", _camera("overhead", 480)), 0)
     assert result.outcome is Outcome.DOCKED
     assert result.min_clearance_m > 0.03
-
-
-@pytest.mark.parametrize(
-    ("changes", "where"),
-    [
-        ({"cameras.onboard.height_px": 60}, "where it begins another attempt, 0.5"),
-        ({"cameras.onboard.height_px": 150}, "in its seat, 0.10"),
-        ({"units.a.frames": "{camera: {link: camera, pitch_deg: 30}}"}, "where its approach begins, 0.8"),
-    ],
-)
-def test_a_camera_has_to_see_its_port_wherever_it_needs_to(changes: dict[str, object], where: str) -> None:
-    with pytest.raises(SceneError, match=rf"camera of a has no tag of b\.rear .* {where}"):
-        check_trial(load_scene("close_range", changes))
-
-
-def test_no_tag_is_asked_for_in_a_seat_that_is_verified_by_the_switches_alone() -> None:
-    check_trial(
-        load_scene("close_range", {"cameras.onboard.height_px": 150, "docking.verify.by_sight": "false"})
-    )

@@ -1,0 +1,34 @@
+"""Which points a body hides from a camera."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from msrr_scenes.arrays import Array
+
+#: Nothing nearer to the camera is drawn, so that a camera may sit inside a body [m].
+_NEAR_M = 0.01
+
+#: A surface hides what lies farther behind it than this [m]: a tag lies on its plate.
+_BEHIND_M = 1e-3
+
+
+def hidden_points(points_C: Array, triangles_C: Array) -> Array:
+    """Return which points have a surface between them and the camera, shape (N,), bool.
+
+    Args:
+        points_C: Points in front of the camera, in its optical frame C, shape (N, 3) [m].
+        triangles_C: Corners in C, counter-clockwise when seen from outside, shape (T, 3, 3) [m]. A surface
+            that is seen from within hides nothing, as in a picture.
+    """
+    a, b, c = np.moveaxis(triangles_C, 1, 0)
+    # The ray from the camera through a point p meets a triangle at t p with t = |a b c| / (u + v + w), where
+    # u = |p b c|, v = |a p c| and w = |a b p|, within the triangle if these have the sign of |a b c|.
+    sides = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+    volume = np.einsum("ti,ti->t", a, sides[0])
+    parts = points_C @ np.swapaxes(sides, 1, 2)
+    inside = (parts <= 0.0).all(axis=0) & (volume < 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = points_C[:, 2:] * volume / parts.sum(axis=0)
+    between = (depth > _NEAR_M) & (depth < points_C[:, 2:] - _BEHIND_M)
+    return np.asarray((inside & between).any(axis=1))

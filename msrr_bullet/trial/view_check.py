@@ -1,0 +1,131 @@
+"""The check that a robot sees its port wherever it needs to, by what a renderer draws of both robots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from msrr_bullet.render.occlusion import hidden_points
+from msrr_bullet.render.raster.bodies import LoadedBodies
+from msrr_bullet.simulation.world import BulletWorld
+from msrr_bullet.trial.camera_views import (
+    approach_begins,
+    before_port,
+    camera_distance,
+    docks_by_sight,
+    whole_tags,
+)
+from msrr_control.docking.law import DockSetup
+from msrr_perception.pose.target import TargetModel
+from msrr_scenes.arrays import Array
+from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import tag_corners
+from msrr_scenes.specs.scene import Scene
+
+
+def check_views(scene: Scene, world: BulletWorld | None) -> None:
+    """Refuse a scene in which a unit sees no tag of its port as a whole where it needs one.
+
+    That is where its approach begins, where it ends, if the seat is verified by sight, and where the next
+    attempt begins. A tag may be outside the picture, or behind another part of the two robots.
+
+    Args:
+        scene: The scene.
+        world: The robots as they are drawn; None where nothing hides a tag, as for parametric cameras.
+
+    Raises:
+        SceneError: The message names the unit, the port and the place.
+        GeometryError: A URDF lacks a frame.
+    """
+    bodies = None if world is None else _DrawnUnits(scene, world)
+    for step in docks_by_sight(scene):
+        target, setup = TargetModel.from_scene(scene, step), DockSetup.of(scene, step)
+        places = [
+            ("where its approach begins", approach_begins(scene, step, setup)),
+            ("where it begins another attempt", before_port(setup, scene.docking.retreat_m)),
+        ]
+        if scene.docking.verify.by_sight:
+            places.append(("in its seat", before_port(setup, 0.0)))
+        for where, X_DU in places:
+            place = f"{where}, {camera_distance(X_DU, setup):.2f} m away"
+            X_CD = target.X_UC.inverse() @ SE3.from_se2(X_DU).inverse()
+            in_picture = list(whole_tags(target, X_CD))
+            if not in_picture:
+                raise SceneError(
+                    f"the camera of {step.unit} has no tag of {step.to} as a whole in its picture {place}; "
+                    "turn or move it or the tags, or widen its view"
+                )
+            if bodies is None:
+                continue
+            X_DT = SE3.from_se2(scene.geometry(step.target_unit).dock_frame(step.target_port)).inverse()
+            own, other = bodies.of(step.unit), bodies.of(step.target_unit)
+            shapes = {
+                step.unit: target.X_UC.inverse().act(own.triangles),
+                step.target_unit: (X_CD @ X_DT).act(other.triangles),
+            }
+            hiding = {tag: _hiding((X_CD @ X_DT).act(other.tags[tag]), scene, shapes) for tag in in_picture}
+            if all(hiding.values()):
+                names = {number: slot for slot, number in scene.tag_ids(step.target_unit).items()}
+                hidden = ", ".join(f"{names[tag]} behind {' and '.join(by)}" for tag, by in hiding.items())
+                raise SceneError(
+                    f"the camera of {step.unit} sees no tag of {step.to} as a whole {place}: in its picture "
+                    f"parts of them are hidden ({hidden}); move the camera, the tags or what hides them"
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class _DrawnUnit:
+    """What a renderer draws of a unit.
+
+    Attributes:
+        triangles: Corners of the triangles in U, shape (T, 3, 3) [m].
+        tags: Tag id -> corners in U, shape (4, 3) [m], as built.
+    """
+
+    triangles: Array
+    tags: Mapping[int, Array]
+
+
+class _DrawnUnits:
+    """What a renderer draws of the units of a scene."""
+
+    def __init__(self, scene: Scene, world: BulletWorld) -> None:
+        self._scene = scene
+        self._world = world
+        self._bodies = LoadedBodies(world.client)
+        self._known: dict[str, _DrawnUnit] = {}
+
+    def of(self, unit: str) -> _DrawnUnit:
+        if unit not in self._known:
+            triangles = (
+                self._world.pose3(unit).inverse().act(self._bodies.triangles(self._world.unit(unit).body))
+            )
+            built = self._world.built.units[unit]
+            tags = {
+                tag: built.geometry.frame(slot).act(
+                    tag_corners(built.print_scale * self._scene.tag_size(unit, slot))
+                )
+                for slot, tag in self._scene.tag_ids(unit).items()
+            }
+            self._known[unit] = _DrawnUnit(triangles, tags)
+        return self._known[unit]
+
+
+def _hiding(corners_C: Array, scene: Scene, shapes: Mapping[str, Array]) -> list[str]:
+    """Return the units that hide a module or more of a tag.
+
+    Args:
+        corners_C: Corners of the tag in C, shape (4, 3) [m].
+        scene: The scene.
+        shapes: Corners of the triangles of each unit in C, shape (T, 3, 3) [m].
+    """
+    modules = scene.tags.tag_family.edge_modules
+    across = (np.arange(modules) + 0.5) / modules
+    right, down = corners_C[1] - corners_C[0], corners_C[3] - corners_C[0]
+    middles = corners_C[0] + across[:, None, None] * right + across[:, None] * down
+    return [
+        unit for unit, triangles in shapes.items() if hidden_points(middles.reshape(-1, 3), triangles).any()
+    ]
