@@ -13,7 +13,7 @@ from msrr_bullet.plant.plant import Plant
 from msrr_scenes.as_built import AsBuilt, as_drawn
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import Twist
+from msrr_scenes.messages import Twist, seconds
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
@@ -92,7 +92,7 @@ class KinematicPlant(Plant):
         if self._world is not None:
             for name, X_WU in self._poses.items():
                 self._world.place(name, X_WU, self._wheels[name])
-            self._world.reveal(self.tick * dt)
+            self._world.reveal(seconds(self.now_ns()))
 
     def pose(self, unit: str) -> SE2:
         """Return the true ``X_WU``."""

@@ -179,8 +179,8 @@ class GuidedUnit:
             return self._action
         action = self._action = self._drive_watch.judge(self._program.step(now_ns))
         self._note_progress()
-        if action.phase is Phase.DONE and self._docking is not None and self._newest is not None:
-            self.docked_to = None if self.leaving else self._newest.to
+        if action.phase is Phase.DONE and self._docking is not None and self.dock_step is not None:
+            self.docked_to = None if self.leaving else self.dock_step.to
         return action
 
     def report(self, now_ns: int) -> UnitReport:

@@ -13,7 +13,7 @@ from msrr_bullet.simulation.wheel_motors import WheelMotors, is_standstill
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import LockPosition, Twist
+from msrr_scenes.messages import LockPosition, Twist, seconds
 from msrr_scenes.specs.plan import DockStep
 
 
@@ -133,7 +133,7 @@ class BulletPlant(Plant):
             self._sleeping.join((lock.dock_step.unit, lock.dock_step.target_unit) for lock in engaged)
         if self._parting:
             self._parting = [lock for lock in self._parting if not lock.parted]
-        self.world.reveal(self.tick / self._scene.physics_hz)
+        self.world.reveal(seconds(self.now_ns()))
 
     def _is_driven(self, unit: str) -> bool:
         """Return whether the drive of a unit is commanded to move or has not come to rest."""

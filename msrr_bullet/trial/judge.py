@@ -223,10 +223,9 @@ class Judge:
         return not self._within(max(self._scene.judge.min_clearance_m, PARTED_M))
 
     def may_be_near(self) -> bool:
-        """Return whether the pair docks and touches nowhere but at its port, as of the last decision."""
-        if not self.docking:
-            return False
-        return (self.port is not None and self.port in self.zone) or not self._within(_APART_M)
+        """Return whether the pair docks, or has still to part, and touches nowhere but at its port."""
+        # Not `port`, which is of the last decision: a step that has ended decides nothing any more.
+        return self.docking and (self.port_pose() in self.zone or not self._within(_APART_M))
 
     def _within(self, distance: float) -> bool:
         """Return whether the clearance of the pair is less than ``distance`` [m]."""

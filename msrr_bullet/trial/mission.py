@@ -82,18 +82,24 @@ class Mission(ABC):
 
     def _test_locks(self) -> None:
         """Pull at every lock that holds a pair at the end, and report the verdicts on all docks."""
-        plant, newest = self._plant, {step.step.unit: step for step in self._begun if not step.undocks}
-        closed = {dock: newest.get(dock.unit) for dock in self._environment.locked.steps}
+        plant, dockings = self._plant, self._newest_dockings()
+        closed = {dock: dockings.get(dock.unit) for dock in self._environment.locked.steps}
         for step in self._begun:
             if step.outcome is Outcome.DOCKED and step not in closed.values():  # the unit has left again
                 self._telemetry.verdict(plant.now_ns(), step)
         for dock, last in closed.items():
-            if last is None:  # the pair was assembled at the start
-                if not (plant.lock_engaged(dock.unit) and plant.pull_test(dock.unit).holds):
+            if last is None:  # the pair was assembled at the start: it has a verdict only if it contradicts
+                if self.outcome in (Outcome.COMPLETE, Outcome.INCOMPLETE) and not (
+                    plant.lock_engaged(dock.unit) and plant.pull_test(dock.unit).holds
+                ):
                     self._note_lock_failure(dock)
             elif last.outcome is Outcome.DOCKED:
                 last.test_lock(self._control, self._report_truth)
                 self._telemetry.verdict(plant.now_ns(), last)
+
+    def _newest_dockings(self) -> dict[str, DockingStep]:
+        """Return the step in which each unit has begun to dock last, by the name of the unit."""
+        return {step.step.unit: step for step in self._begun if not step.undocks}
 
     def _report_truth(self, now_ns: int) -> None:
         """Report where all bodies are at an instant after the end of the mission."""
@@ -183,8 +189,8 @@ class Mission(ABC):
         judged = list(active)
         for step in active:
             step.end(outcome if step.step.unit in safety.units else Outcome.ABORTED, safety.reason)
-        for step in self._begun:
-            if outcome is Outcome.LOCK_FAILED and step.step.unit in safety.units:
+        for step in self._newest_dockings().values() if outcome is Outcome.LOCK_FAILED else ():
+            if step.step.unit in safety.units:
                 step.outcome, step.verdict_reason = outcome, safety.reason
                 judged.append(step)
         if active and not any(step.outcome is outcome for step in self._begun):

@@ -16,6 +16,7 @@ _DISTRIBUTIONS = (
     "scipy",
     "opencv-python-headless",
     "pupil-apriltags",
+    "pyapriltags",
     "python-fcl",
     "numba",
 )

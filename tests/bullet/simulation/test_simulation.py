@@ -101,6 +101,21 @@ def test_poses_are_those_of_the_plant_and_of_the_obstacles_that_have_appeared(
             simulation.plant.step()
 
 
+@pytest.mark.parametrize("plant", ["bullet", "unicycle"])
+def test_an_obstacle_stands_in_the_world_from_the_tick_on_at_which_it_has_a_pose(plant: str) -> None:
+    """888 / 240 s is 3.7 s, but 888 times the rounded 1 / 240 s is less: a camera found no body."""
+    late = scene(plant, "images")
+    post = late.obstacles["late"].model_copy(update={"appears_at_s": 3.7})
+    late = late.model_copy(update={"obstacles": {**late.obstacles, "late": post}})
+    with open_simulation(late, PLACEMENT) as simulation:
+        assert simulation.world is not None
+        simulation.plant.tick = 886
+        for _ in range(2):
+            assert ("late" in simulation.poses(), "late" in simulation.world.obstacles) == (False, False)
+            simulation.plant.step()
+        assert ("late" in simulation.poses(), "late" in simulation.world.obstacles) == (True, True)
+
+
 def test_a_misaligned_camera_is_turned_and_the_geometry_of_the_robot_is_not() -> None:
     """The fault changes the simulated world; the robot gets the geometry of the URDF."""
     faulty = scene("unicycle", "parametric")

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from msrr_bullet.trial.docking_step import DockingStep
+from msrr_bullet.trial.mission import Mission
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes import load_scene
@@ -84,6 +86,37 @@ def test_the_lock_of_an_assembled_pair_is_pulled_at_in_the_end(run: Run) -> None
     assert result.outcome is Outcome.LOCK_FAILED
     assert result.mission is not None
     assert "the lock of b at a.rear" in result.mission.reason
+
+
+def test_a_collision_is_the_verdict_whatever_the_locks_hold(run: Run) -> None:
+    """The pull test of a pair assembled at the start took the place of what had ended the mission."""
+    weak = {"lock.strength_n": "1.0", "lock.pull_force_n": "5.0"}
+    post = "{shape: cylinder, radius_m: 0.05, appears_at_s: 0.5, pose: {x_m: 0.3, y_m: -0.3}}"
+    result = run("[{undock: c}]", {**FAST, **weak, "obstacles.post": post})
+    assert result.outcome is Outcome.COLLISION
+    assert "post appeared where" in result.reason
+
+
+def test_a_lock_that_opens_fails_the_step_that_closed_it_alone(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The step in which the unit had undocked before was made one whose lock has failed, too."""
+    judge = Mission._judge
+
+    def open_lock(self: Mission, now_ns: int) -> list[DockingStep] | None:
+        if any(step.step.unit == "b" for step in self._active):
+            self._plant.set_lock("c", False)
+        return judge(self, now_ns)
+
+    monkeypatch.setattr(Mission, "_judge", open_lock)
+    plan = "[{undock: c}, {name: again, unit: c, to: a.left}, {undock: b, after: [again]}]"
+    result = run(plan, FAST)
+    assert [step.outcome for step in result.steps] == [
+        Outcome.UNDOCKED,
+        Outcome.LOCK_FAILED,
+        Outcome.ABORTED,
+    ]
+    assert result.reason == "the lock of c holds a.left no longer"
 
 
 def test_neighbours_of_a_unit_that_leaves_may_be_as_near_as_they_are(run: Run) -> None:

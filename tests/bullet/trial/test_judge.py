@@ -299,6 +299,17 @@ def test_a_pair_that_tried_to_dock_may_stay_close_until_it_has_parted(scene: Sce
     assert near.check(judge, phase).outcome is Outcome.CLEARANCE_VIOLATED, "the pair has parted"
 
 
+def test_a_unit_that_has_ended_its_step_in_the_port_may_not_touch_beside_it(scene: Scene) -> None:
+    """The judge of a step that has ended went by where the unit was at its last decision."""
+    judge = beside(scene, -0.002).judge()
+    judge.decide(Action(0, Phase.RETREAT, 1))
+    assert judge.may_be_near()
+    x = judge.X_DU().x
+    X_WU = judge.X_WD() @ SE2(x, 0.0, math.radians(60.0))
+    judge._plant._poses["a"] = X_WU
+    assert not judge.may_be_near()
+
+
 def test_a_unit_beyond_the_edge_has_left_the_arena(scene: Scene) -> None:
     arena = scene.arena
     model = ClearanceModel.from_scene(scene)
