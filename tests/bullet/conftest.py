@@ -20,6 +20,7 @@ from msrr_bullet.log import LOG_NAME, Log, LogHeader, read_log
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.plant.plant import Plant
+from msrr_bullet.run_folder import PICTURE_NAME, REPLAY_NAME
 from msrr_bullet.simulation.bullet_plant import BulletPlant
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_bullet.timeline.log_snapshots import read_snapshots
@@ -70,8 +71,13 @@ def inline() -> InlineExecutor:
 
 @pytest.fixture
 def undrawn_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Runs get no page and no picture: drawing them takes longer than a short trial."""
-    monkeypatch.setattr("msrr_bullet.run._draw_run", lambda out, result: None)
+    """Page and picture of runs are empty files: drawing them takes longer than a short trial."""
+
+    def leave_empty(out: Path, result: object) -> None:
+        for name in (REPLAY_NAME, PICTURE_NAME):
+            (out / name).touch()
+
+    monkeypatch.setattr("msrr_bullet.run._draw_run", leave_empty)
 
 
 @pytest.fixture

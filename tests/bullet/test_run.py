@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -16,11 +15,12 @@ from msrr_bullet.run_folder import RUN_FILES, RunFolderError
 from msrr_bullet.sweep.sweep import sweep
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress
-from msrr_bullet.trial.trial import Trial
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.specs.scene import Scene
 
 Load = Callable[..., Scene]
+
+pytestmark = pytest.mark.usefixtures("undrawn_runs")
 
 SEED = 7
 
@@ -29,24 +29,6 @@ SHORT = {"time_limit_s": "1"}
 
 def contents(folder: Path) -> Mapping[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
-
-
-def test_a_run_folder_holds_the_log_and_what_follows_from_it(shipped: Load, tmp_path: Path) -> None:
-    scene = shipped("close_range", {"cameras.onboard.samples": "1", "time_limit_s": "1.5"})
-    out = tmp_path / "runs" / "first"
-    result = run_trial(scene, SEED, out=out)
-    assert result.folder == out
-    assert result == Trial(scene, SEED).run()  # writing a folder changes nothing in the trial
-    assert sorted(contents(out)) == ["picture.png", "replay.html", "result.json", "trial.mcap"]
-    assert TrialResult.from_json((out / "result.json").read_text()) == result
-    assert json.loads((out / "result.json").read_text())["outcome"] == result.outcome.value
-    log = read_log(out)
-    assert log.complete
-    assert log.header.seed == SEED
-    assert (out / "picture.png").read_bytes().startswith(b"\x89PNG")
-    page = (out / "replay.html").read_text()
-    assert "</html>" in page
-    assert 'src="http' not in page  # self-contained
 
 
 def test_a_folder_may_be_a_text_and_a_seed_is_a_whole_number(shipped: Load, tmp_path: Path) -> None:

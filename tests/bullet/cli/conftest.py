@@ -1,8 +1,12 @@
 """Commands of the tests run in a folder of their own, with a terminal of fixed width."""
 
+from functools import partial
 from pathlib import Path
 
 import pytest
+
+from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.worker_pool import SupportsSubmit
 
 
 @pytest.fixture(autouse=True)
@@ -15,3 +19,9 @@ def _own_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def short_trial() -> list[str]:
     """Options for a real trial that takes no time: no contact, no pixels, one simulated second."""
     return ["--set", "plant=unicycle", "--set", "perception=parametric", "--set", "time_limit_s=1"]
+
+
+@pytest.fixture
+def sweeps_here(monkeypatch: pytest.MonkeyPatch, inline: SupportsSubmit) -> None:
+    """Trials of sweeps run in this process: to start another one takes longer than they do."""
+    monkeypatch.setattr("msrr_bullet.sweep.sweep.sweep", partial(sweep, executor=inline))

@@ -29,6 +29,7 @@ def test_dock_leaves_a_run_folder_and_tells_belief_from_truth(
     assert (folder / "trial.mcap").stat().st_size > 0
 
 
+@pytest.mark.usefixtures("undrawn_runs")
 def test_the_same_trial_goes_to_the_same_folder(short_trial: list[str], tmp_path: Path) -> None:
     for _ in range(2):
         run(["dock", "close_range", *short_trial])
@@ -55,6 +56,7 @@ def test_a_controller_that_cannot_be_built_is_bad_input(
     assert out == ""
 
 
+@pytest.mark.usefixtures("undrawn_runs")
 def test_dock_names_what_was_made_from_an_earlier_run(
     short_trial: list[str], tmp_path: Path, capsys: Capture
 ) -> None:

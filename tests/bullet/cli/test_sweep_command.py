@@ -22,6 +22,7 @@ from msrr_scenes.specs.scene import Scene
 Capture = pytest.CaptureFixture[str]
 
 
+@pytest.mark.usefixtures("sweeps_here")
 def test_a_sweep_never_writes_over_what_it_uses(
     short_trial: list[str], tmp_path: Path, capsys: Capture
 ) -> None:
@@ -35,6 +36,7 @@ def test_a_sweep_never_writes_over_what_it_uses(
     assert not (tmp_path / "a").exists()
 
 
+@pytest.mark.usefixtures("sweeps_here")
 def test_a_file_that_cannot_be_written_costs_no_other_one(
     short_trial: list[str], tmp_path: Path, capsys: Capture
 ) -> None:
@@ -63,6 +65,7 @@ def test_trials_go_on_and_are_written_where_nobody_reads_of_them(
     assert {row["seed"] for row in rows} == {"0", "1"}
 
 
+@pytest.mark.usefixtures("sweeps_here")
 def test_a_store_that_gets_full_costs_no_result(
     short_trial: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -84,6 +87,7 @@ def test_a_store_that_gets_full_costs_no_result(
     assert len(list(csv.reader((tmp_path / "trials.csv").open()))) == 4
 
 
+@pytest.mark.usefixtures("sweeps_here")
 def test_sweep_writes_the_numbers(short_trial: list[str], tmp_path: Path, capsys: Capture) -> None:
     arguments = ["sweep", "close_range", *short_trial, "--seeds", "0:2", "--jobs", "1"]
     assert run([*arguments, "--json", "numbers.json"]) == 0
@@ -100,6 +104,7 @@ def test_sweep_writes_the_numbers(short_trial: list[str], tmp_path: Path, capsys
     assert again == {**numbers, "reused": 2}
 
 
+@pytest.mark.usefixtures("sweeps_here")
 def test_sweep_writes_a_table_of_its_trials(short_trial: list[str], tmp_path: Path, capsys: Capture) -> None:
     """In the order of the seeds, from the store as well, and of what is without a result."""
     arguments = ["sweep", "close_range", *short_trial, "--seeds", "5,3", "--jobs", "1"]

@@ -29,6 +29,13 @@ def folder(short_log, tmp_path_factory):
     return path
 
 
+@pytest.fixture(scope="module")
+def mission_folder(line_log, tmp_path_factory):
+    path = tmp_path_factory.mktemp("mission_csv")
+    write_csv(line_log, path)
+    return path
+
+
 def rows(folder, name):
     with (folder / f"{name}.csv").open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
@@ -74,12 +81,11 @@ def test_the_columns_tell_the_frame_of_every_pose(folder):
         assert ("in the world" in meanings[table]) != ("dock frame" in meanings[table])
 
 
-def test_the_columns_name_every_word_that_their_cells_have(folder, mission_run, tmp_path):
+def test_the_columns_name_every_word_that_their_cells_have(folder, mission_folder):
     """The reader of ``paths.csv`` was not told of the word that stands in all rows of a mission."""
-    write_csv(mission_run.log, tmp_path)
     words = {"phase", "conviction", "setback", "status", "state", "mission", "mode", "position", "shape"}
     seen = set()
-    for where in (folder, tmp_path):
+    for where in (folder, mission_folder):
         abouts = {(row["table"], row["column"]): row["about"] for row in rows(where, "columns")}
         for (table, column), about in abouts.items():
             if column in words:
@@ -171,11 +177,10 @@ def test_an_export_that_fails_leaves_the_tables_of_before(short_run, short_log, 
     assert {path: path.read_bytes() for path in (tmp_path / "csv").iterdir()} == before
 
 
-def test_a_mission_has_its_tables(line_log, tmp_path):
+def test_a_mission_has_its_tables(line_log, mission_folder):
     """What the base station knew, sent and heard; every message by radio that arrived was sent before."""
-    write_csv(line_log, tmp_path)
     statuses = [m for _, m in line_log.messages(MissionStatus)]
-    table = rows(tmp_path, "mission")
+    table = rows(mission_folder, "mission")
     assert len(table) == sum(len(status.units) for status in statuses)
     last = {row["unit"]: row for row in table[-3:]}
     assert {row["mission"] for row in last.values()} == {"complete"}
@@ -183,15 +188,17 @@ def test_a_mission_has_its_tables(line_log, tmp_path):
         u.progress for u in statuses[-1].units
     ]
     authorities = [m for _, m in line_log.messages(Authority)]
-    assert [float(row["limit_m"]) for row in rows(tmp_path, "authorities")] == [m.limit for m in authorities]
-    reports = rows(tmp_path, "reports")
+    assert [float(row["limit_m"]) for row in rows(mission_folder, "authorities")] == [
+        m.limit for m in authorities
+    ]
+    reports = rows(mission_folder, "reports")
     assert {row["mode"] for row in reports} >= {"standing", "driving", "docking", "docked"}
     sent = {("authority", m.unit, str(m.seq), "") for m in authorities}
     sent |= {("report", row["unit"], "", row["time_s"]) for row in reports}
-    receipts = [(r["message"], r["unit"], r["number"], r["sent_s"]) for r in rows(tmp_path, "receipts")]
+    receipts = [(r["message"], r["unit"], r["number"], r["sent_s"]) for r in rows(mission_folder, "receipts")]
     assert set(receipts) < sent
     assert len(set(receipts)) == len(receipts)
-    assert {(row["port"], row["to"].partition(".")[2]) for row in rows(tmp_path, "steps")} == {
+    assert {(row["port"], row["to"].partition(".")[2]) for row in rows(mission_folder, "steps")} == {
         ("front", "rear")
     }
-    assert {row["unit"] for row in rows(tmp_path, "global_measurements")} == {"base_station"}
+    assert {row["unit"] for row in rows(mission_folder, "global_measurements")} == {"base_station"}
