@@ -16,7 +16,7 @@ from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.trial import begin_mission
 from msrr_bullet.trial.view_check import check_views
 from msrr_control.sequence.feasibility import check_sequence
-from msrr_control.staging.feasibility import check_assembly, check_time
+from msrr_control.staging.feasibility import check_assembly, check_overhead, check_time
 from msrr_control.staging.registry import ASSEMBLERS
 from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.errors import ChangedFileError, MsrrError, ProgramFailedError, SceneError
@@ -55,6 +55,7 @@ def check_trial(scene: Scene) -> None:
 def _check(scene: Scene) -> None:
     check_scene(scene)
     check_sequence(scene)
+    check_overhead(scene)
     resolve("assembler", scene.control.assembly.name, ASSEMBLERS)
     if scene.coordinated:
         from msrr_bullet.base_station.base_station import check_mission  # for the reason in begin_mission

@@ -46,6 +46,24 @@ def check_assembly(scene: Scene) -> None:
         moved.add(step.unit)
 
 
+def check_overhead(scene: Scene) -> None:
+    """Refuse an overhead camera whose pictures come too late or too seldom for a unit that drives by them.
+
+    Raises:
+        SceneError: The parameters are wrong, or a unit would stand still between two pictures.
+    """
+    camera, params = scene.cameras.overhead, route_params(scene.control.assembly)
+    if camera is None or params is None or len(close_range_steps(scene)) == len(scene.docks) > 0:
+        return
+    oldest_s = 1e-3 * camera.latency_ms + 1.0 / camera.rate_hz
+    if params.watch.stale_s <= oldest_s:
+        raise SceneError(
+            f"control.assembly.params.watch.stale_s: by an overhead camera at {camera.rate_hz:g} Hz and "
+            f"{camera.latency_ms:g} ms late, a unit was last seen up to {oldest_s:.3g} s ago, and stands "
+            f"still; raise it above that, found {params.watch.stale_s:g}"
+        )
+
+
 def check_time(scene: Scene) -> None:
     """Refuse a plan of several steps, one after another, that the time limit leaves no time for.
 

@@ -59,7 +59,7 @@ class ArucoDetector(RefiningDetector):
         Raises:
             DetectorError: A parameter is out of its range, or OpenCV does not know the family.
         """
-        check_ranges(locals())
+        check_ranges(locals(), "max_hamming")
         super().__init__(family, max_hamming, min_decision_margin, refine)
         for name, value, known in (
             ("family", family, tuple(_DICTIONARIES)),

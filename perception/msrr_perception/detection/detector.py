@@ -176,7 +176,7 @@ class PupilDetector(RefiningDetector):
         Raises:
             DetectorError: A parameter is out of its range.
         """
-        check_ranges(locals())
+        check_ranges(locals(), "decode_sharpening", "min_white_black_diff", "max_hamming")
         super().__init__(family, max_hamming, min_decision_margin, refine)
         self._restores = restore
         contrast = _CONTRAST if min_white_black_diff is None else int(min_white_black_diff)

@@ -33,7 +33,7 @@ class PyAprilTagsDetector(RefiningDetector):
         Raises:
             DetectorError: A parameter is out of its range, or pyapriltags is not installed.
         """
-        check_ranges(locals())
+        check_ranges(locals(), "max_hamming")
         super().__init__(family, max_hamming, min_decision_margin, refine)
         self._settings = {
             "quad_decimate": quad_decimate,

@@ -37,14 +37,22 @@ _RANGES = {
 }
 
 
-def check_ranges(parameters: Mapping[str, object]) -> None:
-    """Check the parameters of a detector by their names; others are passed over, and ``None`` is a default.
+def check_ranges(parameters: Mapping[str, object], *optional: str) -> None:
+    """Check the parameters of a detector by their names; others are passed over.
+
+    Args:
+        parameters: Values by name.
+        optional: Names of parameters that may be None.
 
     Raises:
         DetectorError: A parameter is out of its range.
     """
-    given = {name: value for name, value in parameters.items() if name in _RANGES and value is not None}
-    wrong = out_of_range({name: _RANGES[name] for name in given}, given)
+    given = [
+        name
+        for name, value in parameters.items()
+        if name in _RANGES and not (value is None and name in optional)
+    ]
+    wrong = out_of_range({name: _RANGES[name] for name in given}, parameters)
     if wrong is not None:
         raise DetectorError(wrong)
 

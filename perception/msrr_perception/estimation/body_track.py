@@ -229,8 +229,11 @@ class BodyTrack:
     def after(self, seen: SeenPose, noise: TrackNoise) -> BodyTrack:
         """Return the track after another measurement.
 
-        One that is older than the last counts only if the body stands where it stood then.
+        One that is older than the last counts only if the body stands where it stood then; the last one
+        delivered again does not count.
         """
+        if seen.pose.stamp_ns == self.seen.pose.stamp_ns:
+            return self
         fused = self._fused(seen, noise, self.motion)
         if seen.pose.stamp_ns < self.seen.pose.stamp_ns:
             if fused is None or self.motion is not Motion.STANDS:

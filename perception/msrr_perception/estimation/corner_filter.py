@@ -43,13 +43,16 @@ from msrr_scenes.specs.sensors import OdometrySpec
 #: End of the errors of the drive in a state.
 _DRIVE_END = POSE_SIZE + DRIVE_SIZE
 
+#: Largest delay of a first measurement [ns]: latency and jitter of a camera, and the error of its clock.
+_LATEST_NS = 4 * NS_PER_S
+
 #: Ranges of the parameters. Ten pixels are most of a tag's cell, a unit that is tilted by 30 deg has fallen,
 #: a gate that passes half of all good tags or all of any starves or believes anything, an older measurement
 #: than ten seconds is of another approach, and slip of a metre on a metre is no drive.
 _RANGES = {
     "corner_sigma_px": (0.001, 10.0),
     "tilt_sigma_deg": (0.001, 30.0),
-    "gate_probability": (0.5, 1.0 - 1e-9),
+    "gate_probability": (0.5, 0.999999),
     "reset_after": (1, 10_000),
     "horizon_s": (0.001, 10.0),
     "start_inflation": (1.0, 1e4),
@@ -94,7 +97,7 @@ class CornerEkf:
             reset_after: Number of exposures in a row with nothing inside the gate after which it starts anew.
             horizon_s: Largest delay of a measurement that still counts [s].
             start_inflation: Factor on the covariance of what a first state is computed from.
-            slip: ``slip`` of :class:`msrr_perception.estimation.motion.MotionNoise`.
+            slip: ``slip`` of :class:`msrr_perception.estimation.motion_noise.MotionNoise`.
             motion: Random motion that the encoders do not measure, with a tilt of ``tilt_sigma_deg``; None
                 takes that of a unit near a port with ``slip``.
 
@@ -102,7 +105,8 @@ class CornerEkf:
             SceneError: A parameter is out of its range.
         """
         values = locals()
-        wrong = out_of_range({k: r for k, r in _RANGES.items() if values[k] is not None}, values)
+        optional = {"corner_sigma_px"} if corner_sigma_px is None else set()
+        wrong = out_of_range({k: r for k, r in _RANGES.items() if k not in optional}, values)
         if wrong is not None:
             raise SceneError(f"corner_ekf: {wrong}")
         if motion is not None and not isinstance(motion, MotionNoise):
@@ -138,8 +142,8 @@ class CornerEkf:
         newest_ns, about_ns = self._history.newest_ns, self._motion.about_ns
         if newest_ns is None:
             self._predictions.clear()
-            # No state begins before what a measurement that still counts can be of.
-            self._wheels.forget_before(reading.stamp_ns - self._horizon_ns - about_ns)
+            # The first measurement counts however late it is.
+            self._wheels.forget_before(reading.stamp_ns - max(self._horizon_ns, _LATEST_NS) - about_ns)
         elif reading.stamp_ns < newest_ns - self._horizon_ns:
             self._predictions.clear()
         elif self._history.process_again(before_ns, about_ns):  # the motion at some exposures was guessed

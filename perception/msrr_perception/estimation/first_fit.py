@@ -25,7 +25,7 @@ from msrr_perception.pose.corner_fit import (
     measured_corners,
     pieces_along_yaw,
 )
-from msrr_perception.pose.joint_pose import CornerNoise, joint_pose, largest_tag, one_tag_poses
+from msrr_perception.pose.joint_pose import CornerNoise, joint_fits, largest_tag, one_tag_poses
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import TagDetection
@@ -84,14 +84,14 @@ class FirstFit:
 
     def _fit(self, tags: Sequence[TagDetection], known: Knowledge) -> _Found | None:
         """Return what a fit to some tags found; None if they determine nothing."""
-        pose = joint_pose(self._target, tags, self._noise)
-        if pose is None:
+        joint = joint_fits(self._target, tags, self._noise)
+        if not joint:
             return None
         target, layout, n = self._target, self._layout, POSE_SIZE + len(known.mean)
         prior, information = np.concatenate([np.zeros(POSE_SIZE), known.mean]), np.zeros((n, n))
         information[range(3, POSE_SIZE), range(3, POSE_SIZE)] = self._noise.tilt_sigma**-2
         information[POSE_SIZE:, POSE_SIZE:] = np.linalg.inv(known.covariance)
-        starts = [pose_vector(pose.X_DU, pose.pitch, pose.roll)]
+        starts = [joint[0].state]
         starts += [pose_vector(X_DU) for X_DU in one_tag_poses(target, largest_tag(tags))]
         seen = self._seen(tags, np.concatenate([starts[0], known.mean]))
 

@@ -8,11 +8,14 @@ from dataclasses import dataclass
 from msrr_perception.estimation.estimator import Estimator
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Detections, LosObservation, LosStatus, PoseMeasurement
+from msrr_scenes.messages import NS_PER_S, Detections, LosObservation, LosStatus, PoseMeasurement
 
 #: Time for which a measured edge counts as seen, and for which predictions are trusted without any detection
-#: [ns].
+#: [ns]; longer where the newest frame is older than that, by the rate and the latency of the camera.
 _SEEN_NS, _TRUSTED_NS = 300_000_000, 500_000_000
+
+#: Number of frames in which every tag of a port is read: close to it they take turns.
+_FRAMES = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +54,8 @@ def measured_bearings(target: TargetModel, detections: Detections) -> tuple[floa
         of_tag = corners.get(edge.tag_id)
         if of_tag is None:
             return None
-        upper, lower = edge.corners
-        return float(target.camera.bearing(0.5 * (of_tag[upper, 0] + of_tag[lower, 0])))
+        lower, upper = edge.corners
+        return float(target.camera.bearing(0.5 * (of_tag[lower, 0] + of_tag[upper, 0])))
 
     return bearing(0), bearing(1)
 
@@ -69,6 +72,8 @@ class LosEstimator:
     def __init__(self, target: TargetModel) -> None:
         """Create an estimator that has seen nothing yet, with the camera and the map of the tags."""
         self.target = target
+        oldest_ns = round((target.latency_s + _FRAMES * target.frame_period_s) * NS_PER_S)
+        self._seen_ns, self._trusted_ns = max(_SEEN_NS, oldest_ns), max(_TRUSTED_NS, oldest_ns)
         self.reset()
 
     def reset(self) -> None:
@@ -104,7 +109,7 @@ class LosEstimator:
         seen_right = self._advanced(1, now_ns, estimate.stamp_ns, bearings, estimator)
         left = predicted[0] if seen_left is None else seen_left
         right = predicted[1] if seen_right is None else seen_right
-        if now_ns - estimate.last_seen_ns > _TRUSTED_NS:
+        if now_ns - estimate.last_seen_ns > self._trusted_ns:
             status = LosStatus.LOST
         elif seen_left is None or seen_right is None:
             status = LosStatus.PREDICTED
@@ -127,7 +132,7 @@ class LosEstimator:
         ``bearings`` has the bearings by pose at ``stamp_ns``; those at other instants are added.
         """
         last = self._measured[side]
-        if last is None or now_ns - last.stamp_ns > _SEEN_NS:
+        if last is None or now_ns - last.stamp_ns > self._seen_ns:
             return None
         if last.stamp_ns == stamp_ns:
             return last.bearing

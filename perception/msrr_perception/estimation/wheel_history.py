@@ -52,7 +52,7 @@ class WheelHistory:
         if later[0].stamp_ns == stamp_ns:
             return False
         self._stamps.insert(i, stamp_ns)
-        if i == 0:  # how far the wheels had turned before the first reading stays as it is known
+        if i == 0 and self._ways[0] != (0.0, 0.0):  # what is known from readings that are forgotten stays
             first = later[0]
             new = WheelAngles(stamp_ns, reading.left, reading.right, first.since_left, first.since_right)
             self._readings.insert(0, new)

@@ -51,22 +51,10 @@ class JointPose:
         X_DU: Pose of the unit in the dock frame D of its target.
         covariance: Covariance of (x, y, yaw) in D, shape (3, 3) [m, rad], with pitch and roll marginalised;
             it covers both solutions where the tags allow two.
-        pitch: Most likely pitch [rad].
-        roll: Most likely roll [rad].
-        chi2: Sum of the squared residuals over sigma^2, with 8 coordinates per tag.
-        tags: Ids of the tags used.
-        alternative: The other solution, where the tags allow two that lie apart.
-        gap: Excess of the alternative's cost over the chosen one's; infinite without an alternative.
     """
 
     X_DU: SE2
     covariance: Array
-    pitch: float
-    roll: float
-    chi2: float
-    tags: tuple[int, ...]
-    alternative: SE2 | None
-    gap: float
 
 
 def one_tag_poses(target: TargetModel, tag: TagDetection) -> tuple[SE2, ...]:
@@ -106,10 +94,7 @@ def _area(corners: Array) -> float:
 def joint_pose(
     target: TargetModel, tags: Sequence[TagDetection], noise: CornerNoise = DEFAULT_CORNER_NOISE
 ) -> JointPose | None:
-    """Estimate the relative pose from the corners of every tag of the target.
-
-    Both poses of the tag that is largest in the image are refined over all corners of all tags, on the flat
-    floor with pitch and roll as nuisances; the smaller cost wins.
+    """Estimate the relative pose from the corners of every tag of the target; see :func:`joint_fits`.
 
     Args:
         target: Camera and map of the tags.
@@ -120,38 +105,40 @@ def joint_pose(
         The pose, or None when no tag of the target is among ``tags`` or none gives a finite solution.
     """
     known = [t for t in tags if t.tag_id in target.corners_D]
-    if not known:
+    fits = joint_fits(target, known, noise) if known else []
+    if not fits:
         return None
-    seen = equally_good(target.layout, known, noise.corner_sigma_px)
-    prior = np.zeros((5, 5))
-    prior[3, 3] = prior[4, 4] = noise.tilt_sigma**-2
-    fits = []
-    for start in one_tag_poses(target, largest_tag(known)):
+    best, pieces = fits[0].state, fits
+    if len(known) == 1:
+        seen = equally_good(target.layout, known, noise.corner_sigma_px)
+        pieces = pieces_along_yaw(target, target.layout, seen, fits, np.zeros(5), _level(noise))
+    return JointPose(SE2(*best[:3]), second_moment(best, pieces)[:3, :3])
+
+
+def joint_fits(target: TargetModel, tags: Sequence[TagDetection], noise: CornerNoise) -> list[CornerFit]:
+    """Return the poses with tilt, best first, at which tags of the target appear as detected.
+
+    Both poses of the tag that is largest in the image are refined over all corners of all tags, on the flat
+    floor with pitch and roll as nuisances; there are two where they end apart.
+
+    Args:
+        target: Camera and map of the tags.
+        tags: One tag of the target or more.
+        noise: Assumed noise of corners and tilt.
+    """
+    seen, level = equally_good(target.layout, tags, noise.corner_sigma_px), _level(noise)
+    fits = list[CornerFit]()
+    for start in one_tag_poses(target, largest_tag(tags)):
         vector = pose_vector(start)
         try:
-            fit = fit_corners(target, target.layout, seen, vector, np.zeros(5), prior, max_iterations=40)
+            fit = fit_corners(target, target.layout, seen, vector, np.zeros(5), level, max_iterations=40)
         except np.linalg.LinAlgError:  # there is no solution near this start; there may be one near the other
             continue
         if is_determined(fit):
             fits.append(fit)
-    if not fits:
-        return None
-    fits = distinct(fits)
-    pieces = fits
-    if len(known) == 1:
-        pieces = pieces_along_yaw(target, target.layout, seen, fits, np.zeros(5), prior)
-    return _report(fits, second_moment(fits[0].state, pieces)[:3, :3], tuple(sorted(t.tag_id for t in known)))
+    return distinct(fits)
 
 
-def _report(fits: list[CornerFit], covariance: Array, tags: tuple[int, ...]) -> JointPose:
-    best, other = fits[0], (fits[1] if len(fits) > 1 else None)
-    return JointPose(
-        X_DU=SE2(*best.state[:3]),
-        covariance=covariance,
-        pitch=float(best.state[3]),
-        roll=float(best.state[4]),
-        chi2=best.chi2,
-        tags=tags,
-        alternative=None if other is None else SE2(*other.state[:3]),
-        gap=math.inf if other is None else other.cost - best.cost,
-    )
+def _level(noise: CornerNoise) -> Array:
+    """Return the information of the prior of a pose with tilt, shape (5, 5): both units stand level."""
+    return np.diag([0.0, 0.0, 0.0, noise.tilt_sigma**-2, noise.tilt_sigma**-2])

@@ -77,6 +77,7 @@ class TargetModel:
         corner_errors: Errors of the corners of tags, by data sheet of the camera.
         tolerances: Tolerances of all of this calibration.
         frame_period_s: Time between two exposures of the camera [s].
+        latency_s: Time from an exposure of the camera to the arrival of its tags [s].
         to_light: Grey level of every pixel value on a straight tone curve, shape (256,); None if the camera
             has one.
         tag_family: Family of the tags.
@@ -97,6 +98,7 @@ class TargetModel:
     corner_errors: CornerErrors
     tolerances: Tolerances
     frame_period_s: float
+    latency_s: float
     to_light: Pixels | None
     tag_family: TagFamily
     roof: Array | None = None
@@ -175,6 +177,7 @@ class TargetModel:
             corner_errors=CornerErrors.from_spec(spec, UPRIGHT_CONTRAST),
             tolerances=Tolerances.from_spec(scene.as_built),
             frame_period_s=1.0 / spec.rate_hz,
+            latency_s=1e-3 * spec.latency_ms,
             to_light=straight_tone(spec),
             tag_family=scene.tags.tag_family,
         )

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from msrr_control.staging.feasibility import check_assembly
+from msrr_control.staging.feasibility import check_assembly, check_overhead
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
@@ -61,3 +61,14 @@ def test_a_place_that_the_overhead_camera_does_not_see_is_refused() -> None:
     )
     with pytest.raises(SceneError, match=r"outside the picture of the overhead camera.*height_m"):
         check_assembly(scene)
+
+
+@pytest.mark.parametrize("name", ["two_units", "assemble_tee"])
+def test_pictures_from_above_are_newer_than_what_a_unit_drives_by(name: str) -> None:
+    """A unit that is last seen so long ago stands still, and was said not to be localised."""
+    late = {"cameras.overhead.latency_ms": "1000"}
+    with pytest.raises(SceneError, match=r"watch\.stale_s: .* up to 1\.1 s ago, .* found 1$"):
+        check_overhead(load_scene(name, late))
+    check_overhead(load_scene(name, {**late, "control.assembly.params.watch.stale_s": "1.2"}))
+    check_overhead(load_scene(name))
+    check_overhead(load_scene("close_range"))

@@ -249,8 +249,13 @@ def test_a_crop_that_is_not_contiguous_is_read_right(target: TargetModel, draw: 
 def test_misuse_is_named() -> None:
     with pytest.raises(DetectorError, match="do not fill a window"):
         PupilDetector().detect(np.zeros((10, 12), np.uint8), Window(0, 0, 10, 12))
-    for wrong in ({"quad_decimate": 0.5}, {"quad_sigma": -1.0}, {"min_white_black_diff": 0}):
-        with pytest.raises(DetectorError):
+    for wrong in (
+        {"quad_decimate": 0.5},
+        {"quad_sigma": -1.0},
+        {"min_white_black_diff": 0},
+        {"quad_decimate": None},
+    ):
+        with pytest.raises(DetectorError, match="has to be a number"):
             PupilDetector(**wrong)
 
 

@@ -297,6 +297,14 @@ def test_measurements_of_a_body_that_stands_are_averaged_in_any_order() -> None:
         assert pose.stamp_ns == track.seen.pose.stamp_ns == 19 * NS // 10
 
 
+@pytest.mark.parametrize("drives", [False, True])
+def test_a_measurement_that_is_delivered_again_tells_nothing(drives: bool) -> None:
+    scene = Scene(twist=drives_after(0.0, 0.2, 0.3) if drives else lambda t: Twist())
+    track = scene.run(1.01)
+    assert (track.motion is Motion.DRIVES) == drives
+    assert track.after(track.seen, NOISE) is track
+
+
 def test_what_arrives_late_is_no_sign_of_motion_and_does_not_disturb_a_drive() -> None:
     scene = Scene(twist=drives_after(1.0, 0.3, 0.0))
     late = scene.measured()

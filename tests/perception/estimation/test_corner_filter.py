@@ -439,6 +439,32 @@ def test_reset_forgets_the_pose_and_keeps_the_wheels(
     assert np.abs(_error(ekf.estimate(drive.now_ns), drive.X_DU)).max() < 0.03
 
 
+@pytest.mark.parametrize("latency_ms", [40, 1500, 2000])
+def test_a_first_picture_of_a_unit_that_drives_may_be_late(
+    target: TargetModel, scene: Scene, make_drive: MakeDrive, latency_ms: int
+) -> None:
+    """Later than the horizon, what the unit had driven meanwhile was forgotten: 5 and 10 cm.
+
+    The squared errors of eight first poses are chi-square with 24 degrees of freedom: odds 1e-6 to fail.
+    """
+    nees = 0.0
+    for seed in range(8):
+        drive = make_drive(seed, speed=lambda X: (0.1, -0.15), sigma=0.1)
+        drive._tilt = np.zeros(2)
+        ekf, pictures, found = CornerEkf(target, scene.odometry, corner_sigma_px=0.1), [], None
+        while found is None:
+            reading, picture = drive.step()
+            ekf.add_odometry(reading)
+            if picture is not None:
+                pictures.append((drive.now_ns + latency_ms * MS, picture))
+            if pictures and pictures[0][0] <= drive.now_ns:
+                ekf.add_detections(pictures.pop(0)[1])
+            found = ekf.predict(drive.now_ns)
+        e = found.X_DU.as_array() - drive.X_DU.as_array()
+        nees += float(e @ np.linalg.solve(found.covariance, e))
+    assert nees < chi2.ppf(1 - 1e-6, 24)
+
+
 def test_a_long_drive_out_of_sight_takes_no_memory(target: TargetModel, scene: Scene) -> None:
     """Seven minutes of encoder readings without a tag leave what 20 s of them leave."""
     ekf = _ekf(target, scene)
@@ -478,6 +504,9 @@ def test_the_scene_names_the_estimator_and_wrong_parameters_are_refused(
     choice = Choice(name="corner_ekf", params={"corner_sigma_px": 0.5})
     built = build("estimator", choice, ESTIMATORS, target, scene.odometry, delay_compensation=False)
     assert isinstance(built, CornerEkf)
-    for params in ({"corner_sigma_px": 0.0}, {"gate_probability": 1.0}, {"reset_after": 0}, {"colour": 3}):
-        with pytest.raises(SceneError):
+    refused = ["corner_sigma_px", 0.0], ["gate_probability", 1.0], ["reset_after", 0], ["colour", 3]
+    nothing = ([key, None] for key in ("gate_probability", "reset_after", "slip"))
+    for key, value in (*refused, *nothing):
+        params = {key: value}
+        with pytest.raises(SceneError, match=key):
             build("estimator", Choice(name="corner_ekf", params=params), ESTIMATORS, target, scene.odometry)

@@ -167,6 +167,22 @@ def test_tags_seen_in_turn_count_as_seen(target: TargetModel, scene: Scene, make
         assert los.observe(drive.now_ns, ekf).status is LosStatus.SEEN
 
 
+def test_a_camera_with_a_long_latency_sees_the_target(
+    target: TargetModel, scene: Scene, make_drive: MakeDrive
+) -> None:
+    """0.7 s late every picture is older than half a second: the target was lost all the time."""
+    late = replace(target, latency_s=0.7)
+    drive = make_drive(3, speed=_turning)
+    ekf, los = CornerEkf(late, scene.odometry), LosEstimator(late)
+    _advance(drive, ekf, los, 100, latency=70)
+    for _ in range(8):
+        assert los.observe(drive.now_ns, ekf).status is LosStatus.SEEN
+        _advance(drive, ekf, los, 1, latency=70)
+    for _ in range(100):
+        ekf.add_odometry(drive.step()[0])
+    assert los.observe(drive.now_ns, ekf).status is LosStatus.LOST
+
+
 def test_before_anything_is_known_it_is_lost_and_says_no_number(target: TargetModel, scene: Scene) -> None:
     los = LosEstimator(target).observe(5, CornerEkf(target, scene.odometry))
     assert los.status is LosStatus.LOST

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 
@@ -65,6 +67,15 @@ def test_late_readings_tell_how_far_wheels_have_turned_one_way() -> None:
     last = mixed.angles_at(30 * MS)
     assert last is not None
     np.testing.assert_allclose([last.since_left, last.since_right], [1.1, 0.5])
+
+
+def test_readings_in_any_order_tell_the_same() -> None:
+    rows = [(0, 0.0, 0.0), (10, 1.0, 1.0), (15, 0.9, 1.2), (20, 1.5, 0.8)]
+    ordered = _history(*rows)
+    for order in permutations(rows):
+        assert [_history(*order).angles_at(t * MS) for t in range(25)] == [
+            ordered.angles_at(t * MS) for t in range(25)
+        ]
 
 
 def test_the_way_lists_readings_strictly_between_and_the_end() -> None:
