@@ -12,7 +12,7 @@ from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.placement.placement import close_range_steps, nominal_units, split_frame
-from msrr_scenes.specs.plan import DockStep, in_order
+from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec
 
@@ -34,7 +34,7 @@ def check_assembly(scene: Scene) -> None:
     close_range = close_range_steps(scene)
     placed = nominal_units(scene)
     moved: set[str] = set()
-    for i, step in enumerate(scene.docks):
+    for step in scene.docks_in_order:
         setup = AssemblySetup.of(scene, step)
         if close_range.get(step.unit) is not step:
             setup.check(params.pace.cruise_mps, params.widest_obstacle_m, params.route.border_m)
@@ -42,7 +42,7 @@ def check_assembly(scene: Scene) -> None:
                 X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
                 end = params.route.handover(placed[step.target_unit] @ X_TD)
                 bodies = _standing_bodies(scene, step, setup, placed, moved)
-                _check_end(scene, f"plan.{i}", step, setup, end, bodies)
+                _check_end(scene, f"plan.{scene.docks.index(step)}", step, setup, end, bodies)
         moved.add(step.unit)
 
 
@@ -81,8 +81,7 @@ def check_time(scene: Scene) -> None:
     close_range = close_range_steps(scene)
     placed = nominal_units(scene)
     times: list[float] = []
-    for index in in_order(scene.docks):
-        step = scene.docks[index]
+    for step in scene.docks_in_order:
         setup = DockSetup.of(scene, step)
         promised = promised_speed(build_controller(scene.control.docking, setup), setup.limits)
         approach = promised or scene.limits.v_max_mps

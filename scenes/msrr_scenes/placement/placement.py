@@ -82,7 +82,7 @@ def close_range_steps(scene: Scene) -> dict[str, DockStep]:
     if scene.coordinated:  # a base station guides every unit to its port
         return steps
     moved: set[str] = set()
-    for step in scene.docks:
+    for step in scene.docks_in_order:
         start = scene.start_pose(step.unit)
         if (
             step.unit not in moved
@@ -114,7 +114,10 @@ def draw_placement(scene: Scene, rng_for: Callable[[str], np.random.Generator]) 
     while pending:
         # A unit waits for the unit in whose frame it is placed and for the target it has to see.
         ready = [u for u in pending if not _waits_for(scene, u, steps) & set(pending)]
-        for unit in ready or pending[:1]:
+        if not ready:
+            # A unit has to see one that is placed in its own frame, so that each waits for the other.
+            ready = [u for u in pending if not _waits_for(scene, u, {}) & set(pending)][:1]
+        for unit in ready:
             units[unit], again = _draw_unit(scene, unit, units, steps.get(unit), rng_for(f"start/{unit}"))
             redraws += again
             pending.remove(unit)

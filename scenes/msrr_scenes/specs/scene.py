@@ -119,10 +119,15 @@ class Scene(Spec):
         """The steps of the plan in which a unit docks."""
         return tuple(step for step in self.plan if isinstance(step, DockStep))
 
+    @property
+    def docks_in_order(self) -> tuple[DockStep, ...]:
+        """The same steps in the order in which they are carried out, each after those that it names."""
+        return tuple(self.docks[index] for index in in_order(self.docks))
+
     def docks_before(self, step: DockStep) -> list[DockStep]:
         """Return the docks of the plan that are closed when a step of it begins."""
-        order = [self.docks[index] for index in in_order(self.docks)]
-        return order[: order.index(step)]
+        order = self.docks_in_order
+        return list(order[: order.index(step)])
 
     @property
     def holders(self) -> Mapping[str, str]:

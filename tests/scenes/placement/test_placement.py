@@ -1,6 +1,8 @@
 """Starts: frames, spreads, streams, and the redraw of starts that cannot see their target."""
 
 import math
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -126,3 +128,30 @@ def test_which_units_have_to_see_their_target() -> None:
     # The second step's target will have moved by then.
     chain = load_scene("bystander", {"plan": "[{unit: a, to: b.rear}, {unit: c, to: a.rear}]"})
     assert set(close_range_steps(chain)) == {"a"}
+
+
+def test_a_unit_may_have_to_see_one_that_is_placed_in_its_own_frame(tmp_path: Path) -> None:
+    """In either order of the units: each waits for the other, and the one with a place of its own begins."""
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        "units: {a: {number: 0, pose: {frame: b.rear, x_m: 1.1}}, b: {number: 1, pose: {x_m: -1}}}\n"
+        "plan: [{unit: b, to: a.rear}]\n"
+    )
+    placed = draw_placement(load_scene(path), partial(stream, 0)).units
+    assert placed["a"].x == pytest.approx(placed["b"].x + 0.9)
+
+
+def test_the_order_of_steps_is_by_what_they_come_after_and_not_by_the_list(tmp_path: Path) -> None:
+    """A unit whose target an earlier step takes away need not see it from the start."""
+    path = tmp_path / "scene.yaml"
+    first, second = "{unit: b, to: c.rear, name: x, after: []}", "{unit: a, to: b.rear, after: [x]}"
+    for plan in (f"[{first}, {second}]", f"[{second}, {first}]"):
+        path.write_text(
+            "cameras: {overhead: {}}\n"
+            "units:\n"
+            "  c: {number: 2, pose: {x_m: 1.0}}\n"
+            "  b: {number: 1, pose: {x_m: -0.2}}\n"
+            "  a: {number: 0, pose: {frame: b.rear, x_m: -0.7, yaw_deg: 60}}\n"
+            f"plan: {plan}\n"
+        )
+        assert close_range_steps(load_scene(path)) == {}
