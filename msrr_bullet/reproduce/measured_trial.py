@@ -25,7 +25,8 @@ class MeasuredTrial(TrialResult, ser_json_inf_nan="strings"):
 
     Attributes:
         measures: Measures by key, in SI, see :mod:`msrr_bullet.studies.measures`. The settling time of a
-            trial that never settled, or never came to an approach, is infinite.
+            trial that never settled, or never came to an approach, is infinite, and so is the recovery of one
+            that ended at its obstacle.
         kept_in_view: Whether both edges of the target stayed in the field of view of the unit's camera in
             every approach, from the hand-over to the contact, by truth; None without an approach.
         kept_in_cone: Whether both edges stayed within the outer bound of the line of sight, which is narrower

@@ -161,6 +161,7 @@ def _path_following_cost(setting: Setting, choice: Choice, seeds: range) -> floa
         ("amplitude", result.amplitude()),
         ("recovery", result.recovery_time()),
     ):
+        cost += _FAILED * float(np.mean(np.isinf(values)))  # never recovered
         # Without any trial that has a steady stretch to judge, the law has failed.
         known = values[np.isfinite(values)]
         cost += (

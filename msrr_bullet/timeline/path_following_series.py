@@ -108,7 +108,10 @@ class PathFollowingSeries:
         return distance
 
     def measures(self) -> dict[str, float]:
-        """Return the measures of the long-distance phase that are defined for this trial, by name."""
+        """Return the measures of the long-distance phase that are defined for this trial, by name.
+
+        A recovery that the trial did not see is infinite.
+        """
         off, beside = metrics.deviation(self.tip, self.desired), self.from_path()
         episode = metrics.obstacle_episode(self.time, off, self.walled)
         found = {
@@ -118,4 +121,4 @@ class PathFollowingSeries:
             "recovery": metrics.recovery_time(self.time, off, episode),
             "recovery_path": metrics.recovery_time(self.time, beside, episode),
         }
-        return {key: float(value) for key, value in found.items() if np.isfinite(value)}
+        return {key: float(value) for key, value in found.items() if not np.isnan(value)}

@@ -245,7 +245,7 @@ class DockingStep:
         series = PathFollowingSeries.of(self._assembly_instants, unit, offset)
         if series is None:
             return None
-        measures = series.measures()
+        measures = {key: value for key, value in series.measures().items() if math.isfinite(value)}
         return AssemblyFigures(
             tracking_error_m=measures.get("tracking"),
             amplitude_m=measures.get("amplitude"),

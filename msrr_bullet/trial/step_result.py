@@ -101,7 +101,7 @@ class AssemblyFigures(Record):
         amplitude_m: Largest distance from the desired point while passing an obstacle [m]; None when no
             obstacle was passed.
         recovery_s: Time from the peak until the distance stays below 5 cm [s]; None when no obstacle was
-            passed.
+            passed, or the trial ended before that.
     """
 
     tracking_error_m: Distance | None = None

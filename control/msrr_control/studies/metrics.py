@@ -148,7 +148,8 @@ def recovery_time(time: Array, off: Array, episode: Mask) -> Array:
     """Return the time [s] from the largest distance of the episode to the last above 0.05 m, shape (...).
 
     For the deviation from the desired point it includes the time in which a unit that is back on the path
-    catches up. It is 0 where the distance never exceeds 0.05 m.
+    catches up. It is 0 where the distance never exceeds 0.05 m, and infinite where it does to the end of the
+    series: a unit that ended at its obstacle has not recovered.
 
     Args:
         time: Shape (T,) [s].
@@ -159,6 +160,7 @@ def recovery_time(time: Array, off: Array, episode: Mask) -> Array:
     beyond = episode & (off > RECOVERED_M)
     last = len(time) - 1 - np.argmax(beyond[::-1], axis=0)
     took = np.where(beyond.any(axis=0), time[last] - time[peak], 0.0)
+    took = np.where(beyond[-1], np.inf, took)
     recovered: Array = np.where(episode.any(axis=0), took, np.nan)
     return recovered
 

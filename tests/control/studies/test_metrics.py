@@ -98,3 +98,12 @@ def test_a_line_through_points_of_a_path_stands_for_it() -> None:
         np.testing.assert_allclose(metrics.from_line(tip[:, i], line), exact[:, i], atol=3e-6)
     assert metrics.from_line(np.array([[3.0, 4.0]]), np.zeros((1, 2))) == pytest.approx([5.0])
     assert metrics.from_line(np.array([[3.0, 4.0]]), np.zeros((2, 2))) == pytest.approx([5.0])
+
+
+def test_a_series_that_ends_at_the_obstacle_has_no_recovery() -> None:
+    """Whatever the distance does to the end: it grows, stays, or has begun to fall."""
+    growing, falling = 0.1 * T, 0.01 + 0.3 * np.exp(-0.5 * ((T - 9.0) / 3.0) ** 2)
+    off = np.stack([growing, np.full(len(T), 0.3), falling], axis=-1)
+    walled = np.broadcast_to((T >= 2.0)[:, None], off.shape)
+    episode = metrics.obstacle_episode(T, off, walled)
+    assert np.isinf(metrics.recovery_time(T, off, episode)).all()
