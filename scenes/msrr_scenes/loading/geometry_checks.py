@@ -15,6 +15,7 @@ from msrr_scenes.geometry.pinhole import optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
+from msrr_scenes.loading.mechanism_checks import docking_pairs
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.placement.placement import (
     close_range_steps,
@@ -129,14 +130,14 @@ def _outside(scene: Scene, covered: Mapping[str, Array]) -> Iterator[Problem]:
 def _too_wide(scene: Scene) -> Iterator[Problem]:
     # At contact the edges have to lie inside the inner bound, or the correction keeps the unit off the port.
     los = scene.los
-    for i, step in enumerate(scene.docks):
+    for step in docking_pairs(scene):
         geometry = scene.geometry(step.unit)
         reach = geometry.control_offset(step.port) - float(geometry.frame("camera").p[0])
         if los.angle_at_contact(reach) >= los.inner:
             widest = (reach + los.setback_m) * math.tan(los.inner)
             nearest_m = los.half_width_m / math.tan(los.inner)
             text = (
-                f"the target of plan step {i} ({step.unit} to {step.to}) is too wide for the cone: "
+                f"the target of {step} is too wide for the cone: "
                 f"at contact its edges are at {math.degrees(los.angle_at_contact(reach)):.1f} deg, the "
                 f"inner bound is {los.inner_deg:g}. half_width_m and setback_m say where the edges are, so "
                 f"move the tags: nearer together, their outer edges less than {widest:.4f} m off the middle; "
