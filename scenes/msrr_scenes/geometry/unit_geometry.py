@@ -241,7 +241,7 @@ def _read_anew(path: Path, frame_map: FrameMap) -> tuple[UnitGeometry, list[Path
     """Return a unit, and the files with its shapes."""
     try:
         unit = _read_tree(path, frame_map)
-    except (KeyError, ValueError, IndexError) as error:
+    except (LookupError, ValueError) as error:
         raise GeometryError(f"{path}: malformed URDF: {error!r}") from None
     meshes = (mesh for link in unit.link_tree.links.values() for mesh in link.iter("mesh"))
     return unit, [path, *(Path(mesh.get("filename", "")) for mesh in meshes)]

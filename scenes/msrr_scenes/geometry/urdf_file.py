@@ -94,7 +94,7 @@ def read_drawn_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
         tree = parse(path)
     except FileNotFoundError:
         raise GeometryError(f"{path}: no such URDF file") from None
-    except ParseError as error:
+    except (ParseError, LookupError, ValueError) as error:  # the last two of an encoding
         raise GeometryError(f"{path}: not well-formed XML: {error}") from None
     for element in tree.iter():
         if _XACRO.match(element.tag):

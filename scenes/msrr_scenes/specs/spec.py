@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
@@ -111,8 +111,16 @@ class Spec(BaseModel):
         if isinstance(data, dict):
             for key, value in data.items():
                 field = cls.model_fields.get(key)
-                if isinstance(value, bool) and field is not None and field.annotation is not bool:
-                    context = {"key": key, "shown": str(value).lower()}
+                if field is None or field.annotation in (bool, dict[str, Any]):
+                    continue
+                parts = (value,)
+                if isinstance(value, (list, tuple)):
+                    parts = tuple(value)
+                elif isinstance(value, dict) and get_origin(field.annotation) is dict:
+                    parts = tuple(value.values())
+                flag = next((part for part in parts if isinstance(part, bool)), None)
+                if flag is not None:
+                    context = {"key": key, "shown": str(flag).lower()}
                     raise PydanticCustomError("flag", "{key}: expected a value, found {shown}", context)
         return data
 
