@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.distortion import IDEAL_LENS, Distortion
@@ -15,6 +15,9 @@ from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 
 #: Distance of the pixels of the border by which the outline of the frame is computed [px].
 _SPACING_PX = 8
+
+#: Depth from which on a point lies in front of a camera [m].
+_AHEAD_M = 1e-6
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,14 @@ class Lens:
         near = ((ideal - [self.camera.cx, self.camera.cy]) ** 2).sum(axis=-1) <= self._reach**2
         shown: NDArray[np.bool_] = near & self.camera.contains(self.distorted(ideal), margin)
         return shown
+
+    def sees(self, p_C: ArrayLike) -> NDArray[np.bool_]:
+        """Return which points of the camera frame, shape (..., 3) [m], the frame shows."""
+        p = np.asarray(p_C, dtype=np.float64)
+        ahead = p[..., 2] > _AHEAD_M
+        pixels = self.camera.project(np.where(ahead[..., None], p, np.array([0.0, 0.0, 1.0])))
+        seen: NDArray[np.bool_] = ahead & self.shows(pixels)
+        return seen
 
     @cached_property
     def bounds(self) -> Window:

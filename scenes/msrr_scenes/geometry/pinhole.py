@@ -133,14 +133,6 @@ class PinholeCamera:
         """Return the horizontal angle [rad], counter-clockwise (left) positive, of image columns [px]."""
         return np.arctan2(self.cx - np.asarray(column, dtype=np.float64), self.focal)
 
-    def sees(self, p_C: ArrayLike, margin: float = 0.0) -> NDArray[np.bool_]:
-        """Return which points, shape (..., 3), lie inside the image by at least ``margin`` [px]."""
-        p = np.asarray(p_C, dtype=np.float64)
-        front = p[..., 2] > 1e-6
-        u = self.project(np.where(front[..., None], p, np.array([0.0, 0.0, 1.0])))
-        seen: NDArray[np.bool_] = front & self.contains(u, margin)
-        return seen
-
     def contains(self, pixels: Array, margin: float = 0.0) -> NDArray[np.bool_]:
         """Return which pixels, shape (..., 2), lie inside the image by at least ``margin`` [px]."""
         u, v = pixels[..., 0], pixels[..., 1]

@@ -222,11 +222,11 @@ def _seen_from_above(scene: Scene, unit: str) -> bool:
     # Image right is world x, image down is world -y.
     depth = np.full(len(p_W), camera.height_m - float(p_U[:, 2].max()))
     p_C = np.stack([p_W[:, 0] - camera.x_m, camera.y_m - p_W[:, 1], depth], axis=1)
-    return bool(camera.pinhole.sees(p_C).all())
+    return bool(camera.lens.sees(p_C).all())
 
 
 def _seen_by_another(scene: Scene, unit: str, placed: Mapping[str, SE2]) -> bool:
-    camera = scene.cameras.onboard.pinhole
+    lens = scene.cameras.onboard.lens
     for other in scene.units:
         if other == unit:
             continue
@@ -236,6 +236,6 @@ def _seen_by_another(scene: Scene, unit: str, placed: Mapping[str, SE2]) -> bool
         for slot in geometry.tag_slots:
             X_CT = X_CU @ geometry.frame(slot)
             facing = float(X_CT.p @ X_CT.R[:, 2]) > 0.0
-            if facing and camera.sees(X_CT.act(tag_corners(scene.tag_size(unit, slot)))).all():
+            if facing and lens.sees(X_CT.act(tag_corners(scene.tag_size(unit, slot)))).all():
                 return True
     return False

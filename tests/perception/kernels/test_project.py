@@ -56,7 +56,7 @@ def test_tags_are_expected_where_they_can_be_read(
             fits = (
                 p_C[:, 2].min() >= 0.01
                 and normal @ p_C[0] > 0.0
-                and camera.sees(p_C).all()
+                and camera.contains(places).all()
                 and edges.min() >= 10.0
             )
             assert bool(expected[i]) == bool(fits)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import R_BODY_OPTICAL, PinholeCamera, Window, optical_pose
 from msrr_scenes.geometry.se3 import SE3
 
@@ -59,10 +60,10 @@ def test_optical_frame_looks_along_the_bodys_x() -> None:
 
 def test_nothing_behind_or_beside_the_camera_is_seen() -> None:
     points = [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [5.0, 0.0, 1.0], [0.0, 5.0, 1.0]]
-    assert CAMERA.sees(points).tolist() == [True, False, False, False, False]
-    edge = CAMERA.rays([639.4, 240.0])
-    assert CAMERA.sees(edge)
-    assert not CAMERA.sees(edge, margin=1.0)
+    assert Lens(CAMERA).sees(points).tolist() == [True, False, False, False, False]
+    edge = np.array([639.4, 240.0])
+    assert Lens(CAMERA).sees(CAMERA.rays(edge))
+    assert not CAMERA.contains(edge, margin=1.0)
 
 
 @given(windows, windows)

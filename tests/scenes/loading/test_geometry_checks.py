@@ -138,3 +138,24 @@ def test_a_unit_that_carries_another_is_compared_in_its_own_frame() -> None:
         },
     )
     assert scene.units["c"].pose.frame == "a.rear"
+
+
+@pytest.mark.parametrize(("k1", "seen_m", "unseen_m"), [(-0.15, 1.9, 2.1), (0.3, 1.5, 1.7)])
+def test_a_unit_is_seen_from_above_where_the_lens_shows_it(
+    tmp_path: Path, k1: float, seen_m: float, unseen_m: float
+) -> None:
+    """A barrel lens shows more of the floor than the ideal camera of its focal length, a pincushion less."""
+    path = tmp_path / "scene.yaml"
+    for x_m in (seen_m, unseen_m):
+        path.write_text(
+            "arena: {x_m: [-3, 3], y_m: [-3, 3]}\n"
+            "cameras: {overhead: {calibration: {fx_px: 966.9, fy_px: 966.9, cx_px: 639.5, cy_px: 479.5,"
+            f" k1: {k1}, k2: {0.02 if k1 < 0.0 else 0.0}}}}}}}\n"
+            f"units: {{a: {{number: 0, pose: {{x_m: -{x_m}}}}}, b: {{number: 1, pose: {{x_m: 0.5}}}}}}\n"
+            "plan: [{unit: a, to: b.rear}]\n"
+        )
+        if x_m == seen_m:
+            load_scene(path)
+        else:
+            with pytest.raises(SceneError, match="out of the overhead view"):
+                load_scene(path)
