@@ -164,9 +164,15 @@ def _bounds_in_view(scene: Scene, unit: str) -> Bounds | None:
     # The plate is larger than the tag, and it may be turned in any direction.
     ratio = scene.tags.tag_family.plate_ratio
     reach = math.hypot(p_UT[0], p_UT[1]) + ratio * math.sqrt(0.5) * scene.tag_size(unit, "tag_top")
-    per_pixel = (camera.height_m - float(p_UT[2])) / camera.pinhole.focal
-    half_x, half_y = (0.5 * per_pixel * pixels - reach for pixels in (camera.width_px, camera.height_px))
-    return camera.x_m - half_x, camera.x_m + half_x, camera.y_m - half_y, camera.y_m + half_y
+    lens, ideal = camera.lens, camera.pinhole
+    per_pixel = (camera.height_m - float(p_UT[2])) / ideal.focal
+    left, right, top, bottom = lens.inner_bounds  # image right is x of the world, image down is -y
+    return (
+        camera.x_m + per_pixel * (left - ideal.cx) + reach,
+        camera.x_m + per_pixel * (right - ideal.cx) - reach,
+        camera.y_m - per_pixel * (bottom - ideal.cy) + reach,
+        camera.y_m - per_pixel * (top - ideal.cy) - reach,
+    )
 
 
 def _radius(scene: Scene, unit: str) -> float:

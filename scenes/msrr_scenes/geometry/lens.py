@@ -102,6 +102,22 @@ class Lens:
         return Window.around(self.undistorted(frame_outline(frame)), 0.0)
 
     @cached_property
+    def inner_bounds(self) -> tuple[float, float, float, float]:
+        """Lowest and highest column, lowest and highest row between which the frame shows all [px].
+
+        In the ideal image, by the innermost point of each border of the frame.
+        """
+        outline = frame_outline(self.camera.frame)
+        ideal = self.undistorted(outline)
+        (u0, v0), (u1, v1) = outline.min(axis=0), outline.max(axis=0)
+        return (
+            float(ideal[outline[:, 0] == u0, 0].max()),
+            float(ideal[outline[:, 0] == u1, 0].min()),
+            float(ideal[outline[:, 1] == v0, 1].max()),
+            float(ideal[outline[:, 1] == v1, 1].min()),
+        )
+
+    @cached_property
     def _reach(self) -> float:
         """Largest distance from the principal point of what the frame shows, in the ideal image [px]."""
         outline = self.undistorted(frame_outline(self.camera.frame)) - [self.camera.cx, self.camera.cy]
