@@ -18,7 +18,8 @@ class ConeGains(Spec):
     """Gains of the cone correction.
 
     Attributes:
-        reach_m: k_cone, the shift of the reference when one edge is at the outer bound.
+        reach_m: k_cone, the shift of the reference for a force of 1 across the camera's axis. One edge at the
+            outer bound a shifts it by sin(a) of this to the side, and by x_share cos(a) of it backwards.
         k1_per_s: Bandwidth of the first filter (the slower one, whose output shifts the reference).
         k2_per_s: Bandwidth of the second filter (whose input is the force).
         x_share: Share of the force that acts backwards along the unit's axis.

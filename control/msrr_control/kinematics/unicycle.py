@@ -25,8 +25,8 @@ def drive(twist: Array, command: Array, limits: LimitsSpec, dt: float) -> tuple[
     r"""Follow a command that is held for ``dt`` [s] behind the nested limits, in closed form.
 
     On each axis the distance to the command shrinks at the rate limit a while it is larger than a / kappa,
-    then as exp(-kappa t). An explicit step of 20 ms would be ahead of this by a step: on a ramp it lags
-    46.7 ms where 1 / kappa is 66.7 ms.
+    then as exp(-kappa t). An explicit step of 20 ms would be ahead of this by half a step: at the end of
+    each step it is 46.7 ms behind a command that ramps, and this 57.2 ms.
 
     Source: Zheng et al., eq. 3.
 

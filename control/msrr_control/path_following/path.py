@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field
 
 from msrr_control.kinematics.elementwise import at_least, at_most, cos, join, limit, number, sin, split, sqrt
 from msrr_control.kinematics.unicycle import advance_components, advance_pose
@@ -133,7 +132,7 @@ class PaceSpec(Spec):
 
     cruise_mps: Speed = 0.22
     ramp_s: Duration = 1.5
-    lag_m: Length = Field(default=0.10)
+    lag_m: Length = 0.10
 
     @property
     def acceleration(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from msrr_control.feedback.auxiliary import AuxiliaryGains, auxiliary_step
 from msrr_control.kinematics.controlled_point import position_error, rotate_components
@@ -31,7 +31,7 @@ class TrackingGains(Spec):
     """
 
     k_l_per_s: Gain = 1.2
-    windup: AuxiliaryGains = Field(default=AuxiliaryGains(k_mps=0.06, gamma_m=0.10))
+    windup: AuxiliaryGains = AuxiliaryGains(k_mps=0.06, gamma_m=0.10)
     spring: SpringGains = SpringGains()
 
     @model_validator(mode="after")

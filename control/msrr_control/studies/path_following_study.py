@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from msrr_control.kinematics.controlled_point import offset_point
 from msrr_control.path_following.law import PathFollowingLaw, State
@@ -48,7 +47,7 @@ class PathFollowingStartSet(Spec):
     beside_m: Distance = 0.05
     after_start_m: Length = 0.7
     before_end_m: Length = 1.0
-    body_half_width_m: Length = Field(default=0.10)
+    body_half_width_m: Length = 0.10
 
 
 @dataclass(frozen=True, eq=False)
