@@ -104,7 +104,7 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, object] = _NONE
     document.data.setdefault("name", plain_name(path.stem))
     _embed_calibrations(document, path.parent)
     _embed_maps(document, path.parent)
-    scene = _validate(document, path)
+    scene = validated(Scene, document).model_copy(update={"source": path.resolve()})
     refuse(document, _contradictions(scene))
     return scene
 
@@ -236,14 +236,18 @@ def _embedded(
         raise SceneError(f"{place}: {error}") from None
 
 
-def _validate(document: YamlDocument, path: Path) -> Scene:
+def validated(kind: type[_File], document: YamlDocument) -> _File:
+    """Return what a document specifies.
+
+    Raises:
+        SceneError: Something in it is wrong; one message lists every problem with place and key.
+    """
     try:
-        scene = Scene.model_validate(document.data)
+        return kind.model_validate(document.data)
     except ValidationError as error:
-        found = [explain(e, document) for e in error.errors(include_url=False)]
+        found = [explain(e, document, kind) for e in error.errors(include_url=False)]
         refuse(document, [problem for problem in found if problem is not None])
         raise AssertionError("a validation error explains itself") from error
-    return scene.model_copy(update={"source": path.resolve()})
 
 
 def _contradictions(scene: Scene) -> list[Problem]:

@@ -6,15 +6,12 @@ import math
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.derived_urdf import fixture_urdf, marker_slot, with_camera
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.loading.calibration_file import read_calibration
-from msrr_scenes.loading.load import embed_file, plain_name, read_document, refuse
+from msrr_scenes.loading.load import embed_file, plain_name, read_document, validated
 from msrr_scenes.loading.tag_map_file import read_tag_map
-from msrr_scenes.loading.validation_errors import explain
 from msrr_scenes.loading.yaml_document import YamlDocument
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CalibrationSpec
@@ -34,12 +31,7 @@ def read_target(path: Path) -> TargetSpec:
     document = read_document(path)
     embed_file(document, ("camera", "calibration"), path.parent, read_calibration)
     embed_file(document, ("marker", "map"), path.parent, read_tag_map)
-    try:
-        return TargetSpec.model_validate(document.data)
-    except ValidationError as error:
-        found = [explain(e, document, TargetSpec) for e in error.errors(include_url=False)]
-        refuse(document, [problem for problem in found if problem is not None])
-        raise AssertionError("a validation error explains itself") from error
+    return validated(TargetSpec, document)
 
 
 @room_for_temporary_files()
@@ -77,13 +69,7 @@ def target_scene(
         "plan": [{"unit": ROBOT, "port": spec.robot.port, "to": f"{TARGET}.{port}"}],
         **{key: given[key] for key in _SHARED if key in given},
     }
-    try:
-        return Scene.model_validate(data)
-    except ValidationError as error:
-        document = YamlDocument(data, {(): str(path)})
-        found = [explain(e, document) for e in error.errors(include_url=False)]
-        refuse(document, [problem for problem in found if problem is not None])
-        raise AssertionError("a validation error explains itself") from error
+    return validated(Scene, YamlDocument(data, {(): str(path)}))
 
 
 def _robot_urdf(spec: TargetSpec, beside: Path, folder: Path) -> Path:

@@ -14,7 +14,6 @@ from msrr_scenes.errors import nearest
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.loading.yaml_document import YamlDocument
 from msrr_scenes.specs.plan import DockStep, MoveStep, UndockStep
-from msrr_scenes.specs.scene import Scene
 
 _PATTERNS = {
     "to": "'<unit>.<port>'",
@@ -27,7 +26,7 @@ _TAGS: Mapping[type[BaseModel], str] = {DockStep: "dock", UndockStep: "undock", 
 _NOT_KEYS = {"source"}  # fields that the program fills in
 
 
-def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel] = Scene) -> Problem | None:
+def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel]) -> Problem | None:
     """Return the problem that one pydantic error stands for; None if the error only repeats another one.
 
     Args:
