@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -118,7 +118,9 @@ def draw_placement(scene: Scene, rng_for: Callable[[str], np.random.Generator]) 
             # A unit has to see one that is placed in its own frame, so that each waits for the other.
             ready = [u for u in pending if not _waits_for(scene, u, {}) & set(pending)][:1]
         for unit in ready:
-            units[unit], again = _draw_unit(scene, unit, units, steps.get(unit), rng_for(f"start/{unit}"))
+            known = {unit, *units}
+            seen = [s for s in steps.values() if unit in _pair(s) <= known]
+            units[unit], again = _draw_unit(scene, unit, units, seen, rng_for(f"start/{unit}"))
             redraws += again
             pending.remove(unit)
     obstacles = {
@@ -165,20 +167,27 @@ def _waits_for(scene: Scene, unit: str, steps: Mapping[str, DockStep]) -> set[st
 
 
 def _draw_unit(
-    scene: Scene, unit: str, units: Mapping[str, SE2], step: DockStep | None, rng: np.random.Generator
+    scene: Scene, unit: str, units: Mapping[str, SE2], seen: Sequence[DockStep], rng: np.random.Generator
 ) -> tuple[SE2, int]:
-    pose, geometry = scene.start_pose(unit), scene.geometry(unit)
+    """Draw a unit until the targets of these steps, of which it is one of the two units, are in the cone."""
+    pose = scene.start_pose(unit)
     X_WF = base_pose(scene, pose, units)
     # In another port's frame the pose is that of the front port, in the world that of the unit itself.
-    X_PU = SE2() if split_frame(pose.frame) is None else geometry.port(FRONT).inverse()
-    if step is None or step.target_unit not in units:
-        return X_WF @ draw(pose, rng) @ X_PU, 0
-    X_WD = units[step.target_unit] @ scene.geometry(step.target_unit).dock_frame(step.target_port)
+    X_PU = SE2() if split_frame(pose.frame) is None else scene.geometry(unit).port(FRONT).inverse()
     for redraws in range(MAX_REDRAWS):
         X_WU = X_WF @ draw(pose, rng) @ X_PU
-        if target_in_cone(X_WD.inverse() @ X_WU, geometry, scene.los):
+        if all(_sees_target(scene, step, {**units, unit: X_WU}) for step in seen):
             return X_WU, redraws
     raise SceneError(
-        f"units.{unit}.pose: none of {MAX_REDRAWS} starts has the target {step.to} inside the outer cone of "
-        f"{scene.los.outer_deg:g} deg; turn the unit towards it or narrow the spread"
+        f"units.{unit}.pose: none of {MAX_REDRAWS} starts has the target {seen[0].to} inside the outer cone"
+        f" of {scene.los.outer_deg:g} deg; turn the unit towards it or narrow the spread"
     )
+
+
+def _pair(step: DockStep) -> set[str]:
+    return {step.unit, step.target_unit}
+
+
+def _sees_target(scene: Scene, step: DockStep, units: Mapping[str, SE2]) -> bool:
+    X_WD = units[step.target_unit] @ scene.geometry(step.target_unit).dock_frame(step.target_port)
+    return target_in_cone(X_WD.inverse() @ units[step.unit], scene.geometry(step.unit), scene.los)

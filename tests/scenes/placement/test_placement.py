@@ -1,7 +1,6 @@
 """Starts: frames, spreads, streams, and the redraw of starts that cannot see their target."""
 
 import math
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -131,14 +130,20 @@ def test_which_units_have_to_see_their_target() -> None:
 
 
 def test_a_unit_may_have_to_see_one_that_is_placed_in_its_own_frame(tmp_path: Path) -> None:
-    """In either order of the units: each waits for the other, and the one with a place of its own begins."""
+    """Each waits for the other: the one with a place of its own begins, and the other is drawn until seen."""
     path = tmp_path / "scene.yaml"
     path.write_text(
-        "units: {a: {number: 0, pose: {frame: b.rear, x_m: 1.1}}, b: {number: 1, pose: {x_m: -1}}}\n"
+        "units:\n"
+        "  a: {number: 0, pose: {frame: b.rear, x_m: 1.1, spread: {y_m: 0.9, yaw_deg: 60}}}\n"
+        "  b: {number: 1, pose: {x_m: -1}}\n"
         "plan: [{unit: b, to: a.rear}]\n"
     )
-    placed = draw_placement(load_scene(path), partial(stream, 0)).units
-    assert placed["a"].x == pytest.approx(placed["b"].x + 0.9)
+    scene = load_scene(path)
+    drawn = [place(scene, seed) for seed in range(20)]
+    assert sum(placement.redraws for placement in drawn) > 5
+    for placement in drawn:
+        X_WD = placement.units["a"] @ scene.geometry("a").dock_frame("rear")
+        assert target_in_cone(X_WD.inverse() @ placement.units["b"], scene.geometry("b"), scene.los)
 
 
 def test_the_order_of_steps_is_by_what_they_come_after_and_not_by_the_list(tmp_path: Path) -> None:
