@@ -48,13 +48,12 @@ class ExposureCounts:
 
     def since(self, earlier: ExposureCounts) -> ExposureCounts:
         """Return what was added to earlier counts of the same filter, which may have been reset meanwhile."""
-        if self.total < earlier.total:
-            return self
-        return ExposureCounts(
+        added = ExposureCounts(
             self.used - earlier.used,
             self.without_wheels - earlier.without_wheels,
             self.rejected - earlier.rejected,
         )
+        return self if min(added.used, added.without_wheels, added.rejected) < 0 else added
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -32,6 +32,13 @@ def test_what_no_unit_can_dock_by_is_refused(changes: Mapping[str, str], said: s
         check_sequence(load_scene("close_range", changes))
 
 
+@pytest.mark.parametrize("scene", ["assemble_line", "reconfigure"])
+def test_units_of_a_shape_have_to_leave_their_ports_as_well(scene: str) -> None:
+    check_sequence(load_scene(scene))
+    with pytest.raises(SceneError, match=r"a unit has left b\.rear when"):
+        check_sequence(load_scene(scene, {"docking.retreat_m": "0.02"}))
+
+
 def test_a_seat_that_is_not_looked_at_needs_no_pictures() -> None:
     check_sequence(
         load_scene("close_range", {"docking.verify.time_s": "0.01", "docking.verify.by_sight": "false"})

@@ -121,6 +121,9 @@ def test_a_unit_without_its_named_frames_is_refused_by_name(tmp_path: Path):
     path.write_text(text[:2000])
     with pytest.raises(GeometryError, match="not well-formed"):
         read_unit(path)
+    path.write_text('<?xml version="1.0" encoding="latin-nil"?><robot name="x"/>')
+    with pytest.raises(GeometryError, match="not well-formed XML: unknown encoding"):
+        read_unit(path)
     with pytest.raises(GeometryError, match="no link named 'tail'"):
         UNIT.frame("tail")
 

@@ -156,6 +156,7 @@ def test_the_issues_start_sets_and_limits() -> None:
         ("radius_m: 0.05", "radius_m: .nan", ["scene.yaml:17:5: obstacles.post.radius_m", "finite", "nan"]),
         ("radius_m: 0.05", "radius_m: .inf", ["scene.yaml:17:5: obstacles.post.radius_m", "finite", "inf"]),
         ("number: 1", "number: yes", ["scene.yaml:5:5: units.b.number", "the flag true"]),
+        ("number: 1", "number: 1\n    tag_sizes_m: {tag_top: yes}", ["units.b.tag_sizes_m", "the flag true"]),
         ("number: 1", "number: two", ["scene.yaml:5:5: units.b.number", "expected an integer, found 'two'"]),
         (
             "frame: b.rear",
