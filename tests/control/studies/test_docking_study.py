@@ -4,8 +4,6 @@ Medians and 95th percentiles of 1000 trials at a fixed seed: these tests cannot 
 leave room for another seed (percentiles of 1000 scatter by a few per cent).
 """
 
-import time
-
 import numpy as np
 import pytest
 
@@ -82,12 +80,6 @@ def test_the_same_seed_gives_the_same_bits(facts: DockSetup) -> None:
     a = _study(facts, C1DockingParams(), trials=20, disturbance=NOISE)
     b = _study(facts, C1DockingParams(), trials=20, disturbance=NOISE)
     np.testing.assert_array_equal(a.pose, b.pose)
-
-
-def test_a_thousand_trials_take_seconds(facts: DockSetup) -> None:
-    began = time.perf_counter()
-    _study(facts, C1DockingParams())
-    assert time.perf_counter() - began < 10.0
 
 
 class _Broken(C1DockingLaw):
