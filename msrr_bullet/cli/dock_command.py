@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -89,7 +89,8 @@ def dock(
             )
         _report(console, result, folder)
         if (view or foxglove) and sys.stdin.isatty():
-            console.input("What is shown stays until you press Enter. ")
+            with suppress(EOFError):  # of Ctrl-D
+                console.input("What is shown stays until you press Enter. ")
     if result.outcome is Outcome.PROGRAM_FAILED:
         failed = next((s for s in result.steps if s.outcome is Outcome.PROGRAM_FAILED), None)
         raise typer.Exit(report_error(result.reason if failed is None else failed.belief_reason, BAD_INPUT))

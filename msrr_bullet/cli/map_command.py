@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from msrr_bullet.cli.console import open_console, status_line
-from msrr_bullet.cli.options import check_no_source
+from msrr_bullet.cli.options import check_no_source, check_writable
 from msrr_bullet.cli.picture_notes import poor_residual, same_picture
 from msrr_scenes.errors import SceneError
 from msrr_scenes.wording import counted
@@ -63,6 +63,8 @@ def map_pictures(
     detector = for_lens(PupilDetector(family), lens)
     check_no_source(out, images)
     make_folder(out)
+    if refine_lens:
+        check_writable(out / CALIBRATION, "--out", [calibration])
     console = open_console()
     notes: list[str] = []
     with status_line(console, "reading the pictures") as show:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from msrr_bullet.cli.console import open_console, status_line
-from msrr_bullet.cli.exit_codes import PROGRAM_ERROR, report_error
+from msrr_bullet.cli.exit_codes import BAD_INPUT, PROGRAM_ERROR, report_error
 from msrr_bullet.cli.options import (
     DEFAULT_JOBS,
     SEEDS_HELP,
@@ -101,7 +101,8 @@ def tolerance(
     _report(console, study)
     typer.echo(f"page: {folder / 'tolerance.html'}")
     if study.failures:
-        raise typer.Exit(report_error("\n".join(study.failures), PROGRAM_ERROR))
+        code = BAD_INPUT if study.only_stopped else PROGRAM_ERROR
+        raise typer.Exit(report_error("\n".join(study.failures), code))
 
 
 def _parse_grades(text: str | None) -> list[Grade]:

@@ -74,7 +74,8 @@ def documented_tables() -> Iterator[tuple[str, str, tuple[Column, ...]]]:
 def write_csv(log: Log, folder: str | Path) -> tuple[Path, ...]:
     """Write the tables of a log that have a row. The same log gives the same bytes.
 
-    Tables of an earlier log give way once all of these are written, also those that this log does not have.
+    Tables of an earlier export give way once all of these are written, also those that this log does not
+    have; no other file does.
 
     Args:
         log: Log of the run.
@@ -110,15 +111,26 @@ def write_csv(log: Log, folder: str | Path) -> tuple[Path, ...]:
                         files.add(COLUMNS, _COLUMNS_COLUMNS, (name, None, about))
                         for column in table_columns:
                             files.add(COLUMNS, _COLUMNS_COLUMNS, (name, column.name, column.about))
+            earlier = _earlier_tables(folder)
             written = [folder / path.name for path in files.paths]
             for path in written:
                 (part / path.name).replace(path)
-        for name in {COLUMNS, *(name for name, _, _ in documented_tables())} - set(files.names):
+        for name in earlier - set(files.names):
             (folder / f"{name}.csv").unlink(missing_ok=True)
         return tuple(written)
     except OSError as error:
         place = error.filename2 or error.filename or folder
         raise ExportError(f"{place}: cannot be written ({error.strerror})") from None
+
+
+def _earlier_tables(folder: Path) -> set[str]:
+    """Return the names of the tables of an earlier export in a folder, by the table that describes them."""
+    try:
+        with (folder / f"{COLUMNS}.csv").open(encoding="utf-8", newline="") as file:
+            listed = {row.get("table") for row in csv.DictReader(file)}
+    except (FileNotFoundError, UnicodeDecodeError, csv.Error):
+        return set()
+    return {name for name, _, _ in documented_tables() if name in listed} | {COLUMNS}
 
 
 def _approach_rows(scene: Scene, snapshots: Sequence[Snapshot]) -> Iterator[Row]:

@@ -40,6 +40,7 @@ _TEXT: dict[Any, Any] = {
     "grid.linewidth": 0.8,
     "axes.axisbelow": True,
     "hatch.linewidth": 1.6,
+    "text.parse_math": False,  # names of pictures may hold dollars
 }
 
 #: What is different on a page that is shown in dark colours.

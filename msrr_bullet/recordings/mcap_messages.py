@@ -157,5 +157,5 @@ def stamp_of(message: Any) -> int | None:
         return int(message.stamp_ns)
     time = message.timestamp if hasattr(message, "timestamp") else message.header.stamp
     whole = time.sec if hasattr(time, "sec") else time.seconds
-    parts = (getattr(time, name) for name in ("nanosec", "nsec", "nanos") if hasattr(time, name))
-    return int(whole) * NS_PER_S + int(next(parts)) or None
+    (rest,) = (getattr(time, name) for name in ("nanosec", "nsec", "nanos") if hasattr(time, name))
+    return int(whole) * NS_PER_S + int(rest) or None

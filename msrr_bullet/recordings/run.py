@@ -11,7 +11,6 @@ from pathlib import Path
 from msrr_bullet.figures.stills import draw_stills
 from msrr_bullet.figures.summary import write_picture
 from msrr_bullet.log import topics
-from msrr_bullet.log.codec import LogError
 from msrr_bullet.log.frame_tree import WORLD
 from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.mcap_recorder import McapRecorder
@@ -207,7 +206,7 @@ def _run(
             tally.add(instant)
             if observer is not None:
                 observer(instant)
-    except (LogError, RecordingError) as error:  # what came before is worth having
+    except RecordingError as error:  # what came before is worth having
         tally.cut_off = True
         complain(str(error))
     result = tally.result(

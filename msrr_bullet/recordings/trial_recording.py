@@ -66,6 +66,15 @@ def open_trial(path: Path, topic: str | None, odometry: bool = True) -> Recordin
 
 
 def _items(log: Log, unit: str, odometry: bool) -> Iterator[Item]:
+    try:
+        yield from _items_before_damage(log, unit, odometry)
+    except LogError as error:
+        raise RecordingError(str(error)) from None
+    if not log.complete:
+        raise RecordingError(f"{log.path}: the log ends early, at {seconds(log.end_ns()):.3f} s")
+
+
+def _items_before_damage(log: Log, unit: str, odometry: bool) -> Iterator[Item]:
     camera = onboard_camera(unit)
     detections = log.messages(Detections, topics.sensor(unit, Detections(Exposure("", 0, 0), (), ())))
     arrivals = {m.exposure: t for t, m in _before_damage(detections) if m.exposure.camera == camera}
@@ -85,8 +94,6 @@ def _items(log: Log, unit: str, odometry: bool) -> Iterator[Item]:
             yield WheelReading(record.stamp_ns, reading.stamp_ns, reading.left, reading.right)
         elif record.kind is Action:
             yield Decision(record.stamp_ns)
-    if not log.complete:
-        raise RecordingError(f"{log.path}: the log ends early, at {seconds(log.end_ns()):.3f} s")
 
 
 def _before_damage(messages: Iterator[tuple[int, T]]) -> Iterator[tuple[int, T]]:

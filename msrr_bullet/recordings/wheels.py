@@ -44,10 +44,12 @@ class WheelReader:
             return left, right
         return self._driven(message.pose.pose)
 
-    def _driven(self, pose: Any) -> tuple[float, float]:
+    def _driven(self, pose: Any) -> tuple[float, float] | None:
         q = pose.orientation
         yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
         X = SE2(float(pose.position.x), float(pose.position.y), yaw)
+        if not all(map(math.isfinite, (X.x, X.y, X.yaw))):
+            return None  # it would stay in the sums below
         if self._pose is not None:
             forward, _, turn = (float(part) for part in (self._pose.inverse() @ X).log())
             self._left += (forward - 0.5 * turn * self.track) / self.radius

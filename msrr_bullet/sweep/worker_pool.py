@@ -37,6 +37,9 @@ class Task(NamedTuple):
     seed: int
 
 
+#: What is said where an executor that was given gives a trial up.
+_DROPPED = "the executor has dropped a trial; what is done so far is kept in the store"
+
 #: Called with every finished task, and its result or failure.
 Collector = Callable[[Task, TrialResult | TrialFailure], None]
 
@@ -166,7 +169,9 @@ class WorkerPool:
             raise
 
     def kill(self) -> None:
-        """Drop the running trials."""
+        """Drop the running trials; one that a given executor has begun runs to its end for nothing."""
+        for future in self._running:
+            future.cancel()
         self._running.clear()
         if self._pool is not None:
             self._pool.kill()
@@ -183,7 +188,7 @@ class WorkerPool:
             future = executor.submit(self._trial, task.scene, task.seed)
         except BrokenProcessPool as error:  # a worker has died since trials were collected last
             if self._pool is None:
-                raise
+                raise MsrrError(_DROPPED) from None
             future = Future()
             future.set_exception(error)
         self._running[future] = task
@@ -208,7 +213,7 @@ class WorkerPool:
         for future in finished:
             task = self._running[future]
             if future.cancelled():
-                raise MsrrError("the executor has dropped a trial; what is done so far is kept in the store")
+                raise MsrrError(_DROPPED)
             error = future.exception()
             if error is None:
                 self._collector(task, future.result())
@@ -216,7 +221,9 @@ class WorkerPool:
                 self._collector(task, _failure(task, str(error), stopped=True))
             elif isinstance(error, MsrrError):
                 misuse = error
-            elif isinstance(error, BrokenProcessPool) and self._pool is not None:
+            elif isinstance(error, BrokenProcessPool):
+                if self._pool is None:  # whose trial it was, a pool does not say
+                    raise MsrrError(_DROPPED)
                 lost.append(task)
             else:
                 self._collector(task, _failure(task, f"{type(error).__name__}: {error}"))

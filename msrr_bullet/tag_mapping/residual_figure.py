@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogFormatter
 
 from msrr_bullet.figures.style import SMALL, new_figure, save, styled
 from msrr_bullet.timeline.palette import BLUE, VERMILLION, css
@@ -68,6 +69,8 @@ def _scatter(axes: Axes, tag_map: TagMap, places: Sequence[float], label: str) -
         y = np.array([d for _, d in chosen]).ravel()
         axes.plot(x, y, ".", color=css(colour), label=name, markersize=7.0, alpha=0.7)
     axes.set_yscale("log")
+    for write in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
+        write(LogFormatter(minor_thresholds=(1.0, 0.4)))  # plain numbers: figures have no mathematical text
     axes.set_xlabel(label)
     axes.set_ylabel("corner residual [px]")
 

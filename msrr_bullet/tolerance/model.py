@@ -7,7 +7,7 @@ errors in degrees.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import Self
 
 import numpy as np
@@ -42,6 +42,7 @@ class StudyTrial(StudyPart):
         outcome: Verdict of the judge, or ``no_result``.
         succeeded: Whether all units docked.
         error_text: Why there is no result; empty if there is one.
+        stopped: Whether there is none because the trial took too long on the wall clock.
         contacts: Errors at contact of every dock ``<unit> to <unit>.<port>``.
     """
 
@@ -50,6 +51,7 @@ class StudyTrial(StudyPart):
     outcome: str
     succeeded: bool
     error_text: str = ""
+    stopped: bool = False
     contacts: dict[str, ContactError]
 
 
@@ -209,6 +211,18 @@ class ToleranceStudy(StudyPart):
     @property
     def failures(self) -> list[str]:
         """Every trial without a result, in words: the program failed in it, or it took too long."""
+        return [
+            f"{name}, seed {trial.seed} gave no result: {trial.error_text}"
+            for name, trial in self._without_result()
+        ]
+
+    @property
+    def only_stopped(self) -> bool:
+        """Whether every trial without a result took too long on the wall clock."""
+        return all(trial.stopped for _, trial in self._without_result())
+
+    def _without_result(self) -> Iterator[tuple[str, StudyTrial]]:
+        """Yield every trial without a result, with its condition in words."""
         conditions: list[tuple[str, Sample]] = [("as drawn", self.drawn)]
         conditions += [(sample.grade, sample) for sample in self.grades]
         conditions += [
@@ -216,12 +230,8 @@ class ToleranceStudy(StudyPart):
             for effect in self.effects
             for sample in effect.samples
         ]
-        return [
-            f"{name}, seed {trial.seed} gave no result: {trial.error_text}"
-            for name, sample in conditions
-            for trial in sample.trials
-            if trial.error_text
-        ]
+        for name, sample in conditions:
+            yield from ((name, trial) for trial in sample.trials if trial.error_text)
 
     def to_json(self) -> str:
         """Return the study as indented JSON."""

@@ -49,6 +49,7 @@ def study_trial(outcome: TrialResult | TrialFailure, error: float | None = None)
             outcome="no_result",
             succeeded=False,
             error_text=outcome.error,
+            stopped=outcome.stopped,
             contacts={},
         )
     contacts = {

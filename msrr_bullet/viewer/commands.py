@@ -96,8 +96,11 @@ def place(path: str, old: Placement | None, new: Placement) -> Iterator[Command]
     """Yield the commands that take a node from its old placement, if it has one, to a new one."""
     if old is None or old.visible != new.visible:
         yield set_property(path, "visible", new.visible)
-    moved = old is None or not (
-        np.array_equal(old.X.p, new.X.p) and np.array_equal(old.X.R, new.X.R) and old.scale == new.scale
+    moved = (  # the place of a hidden node was never sent
+        old is None
+        or not old.visible
+        or not (np.array_equal(old.X.p, new.X.p) and np.array_equal(old.X.R, new.X.R))
+        or old.scale != new.scale
     )
     if moved and new.visible:
         yield set_transform(path, new.X, new.scale)

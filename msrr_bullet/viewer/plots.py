@@ -70,7 +70,7 @@ def _unit_plots(scene: Scene, series: TrialSeries) -> Iterator[Plot]:
 def _run_plots(scene: Scene, series: TrialSeries) -> Iterator[Plot]:
     guard = scene.control.guard
     limits = [("judge", 1e3 * scene.judge.min_clearance_m)]
-    if guard.enabled:
+    if guard.enabled and scene.cameras.overhead is not None:  # it judges by what that camera shows
         limits += [("monitor slows", 1e3 * guard.slow_m), ("monitor stops", 1e3 * guard.stop_m)]
     curve = _curve("smallest clearance", 1e3 * series.clearance, CLEARANCE, width=2.0)
     yield _plot("clearance [mm]", [curve], limits, asinh=LINEAR_CLEARANCE)

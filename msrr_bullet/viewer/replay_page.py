@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -110,8 +111,20 @@ def _animation(graph: SceneGraph, snapshots: Sequence[Snapshot], paths: Sequence
     placements = [graph.placements(snapshot) for snapshot in snapshots]
     tracks: list[Track] = []
     for node in placements[0]:
-        tracks += _tracks(node, times, [by_node[node] for by_node in placements])
+        tracks += _tracks(node, times, _held([by_node[node] for by_node in placements]))
     return set_animation([track.thinned() for track in (*tracks, *paths)])
+
+
+def _held(history: Sequence[Placement]) -> list[Placement]:
+    """Return a history in which a node stays where it was when it was hidden.
+
+    The page moves it from one instant to the next, and hides it only at the end of that way.
+    """
+    held, last = [], next((p for p in history if p.visible), history[0])
+    for placement in history:
+        last = placement if placement.visible else replace(last, visible=False)
+        held.append(last)
+    return held
 
 
 def _tracks(node: str, times: Array, history: Sequence[Placement]) -> list[Track]:

@@ -37,7 +37,6 @@ from msrr_scenes.geometry.pinhole import R_BODY_OPTICAL
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
 from msrr_scenes.messages import LosStatus
-from msrr_scenes.specs.control import GuardSpec
 from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
 
@@ -66,6 +65,9 @@ class SceneGraph:
         self._scene = scene
         self._geometries = {name: scene.geometry(name) for name in scene.units}
         self._docking = tuple(dict.fromkeys(step.unit for step in scene.docks))
+        guard = scene.control.guard
+        # The collision monitor judges by what the overhead camera shows.
+        self._monitored_m = guard.slow_m if guard.enabled and scene.cameras.overhead is not None else 0.0
         self._belief = ArenaBelief(scene)
         self.mission = MissionNodes(scene)
 
@@ -172,7 +174,7 @@ class SceneGraph:
         for name in self._scene.obstacles:
             X = snapshot.obstacles.get(name)
             nodes[f"obstacles/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
-        nodes.update(_clearance_placements(snapshot, self._scene.control.guard))
+        nodes.update(_clearance_placements(snapshot, self._monitored_m))
         nodes.update(self._belief.placements(snapshot))
         nodes.update(self.mission.placements(snapshot))
         nodes.update(self._sight_placements(snapshot))
@@ -190,8 +192,8 @@ class SceneGraph:
             X_WC = SE3.from_se2(X_WU or SE2()) @ self._geometries[watched.unit].frame("camera")
             X_WF = SE3.from_se2(X_WC.to_se2(), SIGHT_Z)
         yield "sight", Placement(visible=visible)
-        yield "sight/camera", Placement(X_WC)
-        yield "sight/floor", Placement(X_WF)
+        yield "sight/camera", Placement(X_WC, visible=visible)
+        yield "sight/floor", Placement(X_WF, visible=visible)
         for status in (LosStatus.SEEN, LosStatus.PREDICTED):
             shown = los is not None and los.status is status
             left, right = (los.left, los.right) if shown and los else (0.0, 0.0)
@@ -204,15 +206,15 @@ def _grid(low: float, high: float) -> Iterator[float]:
     return (k * GRID_STEP for k in range(math.ceil(low / GRID_STEP), math.floor(high / GRID_STEP) + 1))
 
 
-def _clearance_placements(snapshot: Snapshot, guard: GuardSpec) -> Iterator[tuple[str, Placement]]:
-    """Yield the bar between the nearest points, in red where the collision monitor acts."""
+def _clearance_placements(snapshot: Snapshot, monitored_m: float) -> Iterator[tuple[str, Placement]]:
+    """Yield the bar between the nearest points, in red below the clearance at which the monitor acts."""
     nearest = snapshot.clearance
     bar, limited = HIDDEN, False
     if nearest is not None and nearest.distance > 0.0:
         (ax, ay), (bx, by) = nearest.point_a, nearest.point_b
         X = SE2(0.5 * (ax + bx), 0.5 * (ay + by), math.atan2(by - ay, bx - ax))
         bar = Placement(SE3.from_se2(X, CLEARANCE_Z), scale=(nearest.distance, 1.0, 1.0))
-        limited = guard.enabled and nearest.distance < guard.slow_m
+        limited = nearest.distance < monitored_m
     yield "clearance/free", HIDDEN if limited else bar
     yield "clearance/monitored", bar if limited else HIDDEN
 

@@ -240,6 +240,17 @@ def test_command_writes_map_residuals_and_figures(folder: Path, capsys: Capture)
     assert abs(refined.fx_px - LENS.camera.focal) < 2.0
 
 
+def test_a_refined_lens_does_not_replace_the_calibration_it_began_from(folder: Path, capsys: Capture) -> None:
+    out = folder / "out"
+    out.mkdir()
+    given = (folder / "camera.yaml").rename(out / "camera.yaml")
+    before = given.read_bytes()
+    arguments = ["map", str(folder), "--calibration", str(given), "--tag-size", str(TAG_SIZE)]
+    assert run([*arguments, "--refine-lens", "--out", str(out)]) == 2
+    assert "the command uses this file already" in capsys.readouterr().err
+    assert given.read_bytes() == before
+
+
 def test_command_names_what_is_wrong(folder: Path, capsys: Capture) -> None:
     def refused(*images: str, calibration: str = "camera.yaml") -> str:
         paths = [str(folder / image) for image in images]
