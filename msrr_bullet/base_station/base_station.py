@@ -26,6 +26,7 @@ from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.problems import dotted
 from msrr_scenes.messages import OVERHEAD, Detections, Exposure, Fetch, GlobalPose
 from msrr_scenes.messages.coordination import Authority, MissionState, MissionStatus, UnitReport, UnitState
+from msrr_scenes.specs.plan import MoveStep
 from msrr_scenes.specs.scene import Scene
 
 #: Name of the base station in logs.
@@ -133,16 +134,24 @@ def check_mission(scene: Scene) -> None:
     """Refuse the mission of a scene that cannot be carried out wherever the units stand.
 
     Raises:
-        SceneError: The mission contradicts itself, or its shape cannot be built or does not fit into what the
-            overhead camera sees of the arena.
+        SceneError: The mission contradicts itself, its shape cannot be built or does not fit into what the
+            overhead camera sees of the arena, or a unit is sent to where it is not seen.
     """
     mission = mission_of(scene)
     knowledge = knowledge_of(scene)
+    x0, x1, y0, y1 = knowledge.finder.box
     if mission.shape is None:
         try:
             plan_tasks(mission.steps, mission.holders, knowledge.lanes)
         except SceneError as error:
             raise SceneError(f"plan: {error}") from error
+    for k, step in enumerate(mission.steps):
+        if isinstance(step, MoveStep) and not (x0 <= step.pose.x_m <= x1 and y0 <= step.pose.y_m <= y1):
+            raise SceneError(
+                f"plan.{k}.pose: ({step.pose.x_m:g}, {step.pose.y_m:g}) lies outside of what the overhead "
+                f"camera sees of the arena: x from {x0:.2f} to {x1:.2f}, y from {y0:.2f} to {y1:.2f}; name "
+                "another place, or raise cameras.overhead.height_m"
+            )
     for k in range(len(scene.shape or ())):
         assert mission.shape is not None
         key = dotted(scene.shape_key(k))
@@ -150,7 +159,6 @@ def check_mission(scene: Scene) -> None:
             shape_tasks(mission.shape, knowledge.lanes)
         except SceneError as error:
             raise SceneError(f"{key}: {error}") from error
-        x0, x1, y0, y1 = knowledge.finder.box
         # An assembly takes another shape where it stands, which is not known here.
         anywhere = k == 0 and not scene.assembled
         if anywhere and not fits(mission.shape, knowledge.lanes, knowledge.finder.box):
@@ -198,6 +206,8 @@ def knowledge_of(scene: Scene) -> Knowledge:
             if getattr(scene.units[name], key) != getattr(scene.units[names[0]], key):
                 text = f"a base station leads units of one kind; see {names[0]!r}"
                 raise SceneError(f"units.{name}.{key}: {text}")
-    box = AssemblySetup.without_target(scene, names[0], ACTIVE_PORT).box
+    setups = [AssemblySetup.without_target(scene, name, ACTIVE_PORT) for name in names]
+    x0, x1, y0, y1 = zip(*(setup.box for setup in setups), strict=True)
+    box = max(x0), min(x1), max(y0), min(y1)  # where every unit is seen: a large top tag is not at the edge
     routes = RouteParams(params.route, params.walls, params.pace)
-    return Knowledge.of(first, routes, box, scene.docking.retreat_m + 0.05)
+    return Knowledge.of(first, routes, box, scene.docking.retreat_m + 0.05, setups[0].border)

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from types import MappingProxyType
 
 from msrr_control.coordination.track import path_of
-from msrr_control.planning.route import Route
 from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -96,19 +94,3 @@ class MovementAuthority:
     def stopping_distance(self, speed: float) -> float:
         """Return the distance in which the unit stops from a speed [m], the reaction included."""
         return speed * self._reaction + 0.5 * speed * speed / self._deceleration
-
-    def route_of(self, index: int) -> Route:
-        """Return the path of a leg forwards as a route for the follower of routes, of no expected duration.
-
-        Args:
-            index: Index of the leg.
-
-        Raises:
-            ValueError: The leg leads backwards or turns on the spot.
-        """
-        leg = self.legs[index]
-        if leg.kind not in (LegKind.PATH, LegKind.DOCK):
-            raise ValueError(f"leg {index} is {leg.kind.value}, not a path")
-        ends = leg.kind is LegKind.DOCK or index + 1 == len(self.legs)
-        final = ends or self.legs[index + 1].kind is LegKind.DOCK
-        return Route(path_of(leg), "around" if final else "staged", MappingProxyType({}), 0.0)

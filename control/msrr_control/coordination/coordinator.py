@@ -260,9 +260,7 @@ class Coordinator:
         """Let everybody drive as far as the others allow, the first in order first."""
         for unit in sorted(self._units.values(), key=lambda u: u.order):
             if unit.under_way and (unit.task is None or self._tasks.lost_base(unit.task) is None):
-                holder = None if unit.enters is None else self._units[unit.enters[0]]
-                holds = holder is None or (not holder.under_way and not holder.out_of_action)
-                self._interlock.extend(unit, self._units.values(), holds)
+                self._interlock.extend(unit, self._units.values())
 
     def _conclude(self, now_ns: int) -> None:
         """End the mission if everything is done, or give up what nobody can do."""

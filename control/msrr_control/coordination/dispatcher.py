@@ -124,8 +124,12 @@ class Dispatcher:
         enters = self.ends.port_of(task)
         if enters is None and task.kind is TaskKind.DOCK:
             return False
-        if enters is not None and self._moves_target(self._units[enters[0]], tasks, now_ns):
-            return True
+        if enters is not None:
+            target = self._units[enters[0]]
+            if self._is_awaited_elsewhere(target):
+                return False  # it may go there once more when nobody is on the way to it
+            if self._moves_target(target, tasks, now_ns):
+                return True
         if not self._grant(unit, X_WE, enters, now_ns):
             return False
         unit.task = task.name
@@ -239,6 +243,11 @@ class Dispatcher:
         target.task, target.evasions = None, target.evasions + 1
         target.reason = "goes where its ports can be reached"
         return True
+
+    def _is_awaited_elsewhere(self, target: UnitRecord) -> bool:
+        """Return whether a unit was stopped before it came to where others are on the way to its ports."""
+        led = [u for u in self._units.values() if u.under_way and u.enters and u.enters[0] == target.name]
+        return not target.under_way and not all(self._interlock.holds(target, unit) for unit in led)
 
     def _reaches(self, unit: UnitRecord, task: Task, tasks: TaskList) -> bool:
         """Return whether a unit would reach the end of a task if all others were gone that can drive away."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable
 
 import numpy as np
@@ -10,7 +11,11 @@ from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.track import Track, needed, standing
 from msrr_scenes.arrays import Array
-from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se2 import SE2, wrap_angle
+
+#: Distance and angle of a port from where a route into it ends up to which that route leads there [m], [rad]:
+#: what docks push and turn an assembly by while it grows.
+_SAME_PORT_M, _SAME_PORT_RAD = 0.1, 0.2
 
 
 class Interlock:
@@ -34,17 +39,12 @@ class Interlock:
         """Drop what was computed for a unit's earlier routes."""
         self._needed = {key: value for key, value in self._needed.items() if name not in (key[0], key[2])}
 
-    def extend(self, unit: UnitRecord, units: Collection[UnitRecord], parent_holds: bool) -> None:
-        """Extend the limit of a unit as far as the others allow; it never shrinks.
-
-        Args:
-            unit: The unit, which has a track.
-            units: All units.
-            parent_holds: Whether the unit that it docks to stands in its place.
-        """
+    def extend(self, unit: UnitRecord, units: Collection[UnitRecord]) -> None:
+        """Extend the limit of a unit, which has a track, as far as the others allow; it never shrinks."""
         track = unit.track
         assert track is not None
         free, blocker = track.length, None
+        parent_holds = all(self.holds(other, unit) for other in units if _enters(unit, other))
         for other in units:
             if other.name == unit.name:
                 continue
@@ -58,6 +58,16 @@ class Interlock:
         unit.limit = max(unit.limit, free)
         unit.blocked_by = blocker if unit.limit < track.length else None
 
+    def holds(self, parent: UnitRecord, unit: UnitRecord) -> bool:
+        """Return whether a unit stands, fit to be docked to, with its port where another one's track ends.
+
+        One that was stopped on its way stands elsewhere.
+        """
+        if unit.enters is None or unit.track is None or parent.under_way or parent.out_of_action:
+            return False
+        off = unit.track.end.inverse() @ self._body.docked(parent.pose, unit.enters[1])
+        return math.hypot(off.x, off.y) <= _SAME_PORT_M and abs(wrap_angle(off.yaw)) <= _SAME_PORT_RAD
+
     def _limit_by(
         self, other: UnitRecord, unit: UnitRecord, track: Track, units: Collection[UnitRecord]
     ) -> float:
@@ -70,7 +80,7 @@ class Interlock:
             clear = self.needed(other, unit) <= other.passed
         elif other.X_WU is not None and other.still_ns > unit.granted_ns:
             # It stopped where this route was not planned around it.
-            if unit.enters is not None and unit.enters[0] == other.name:
+            if _enters(unit, other) and self.holds(other, unit):
                 return track.length
             key = (other.name, -other.still_ns, unit.name, unit.route)
             if key not in self._needed:
@@ -84,6 +94,10 @@ class Interlock:
         if count == len(track.s):
             return track.length
         return float(track.s[count - 1]) if count > 0 else -1.0
+
+
+def _enters(unit: UnitRecord, other: UnitRecord) -> bool:
+    return unit.enters is not None and unit.enters[0] == other.name
 
 
 def clear_of_tracks(X_WU: SE2, unit: UnitRecord, units: Iterable[UnitRecord], body: Body) -> bool:

@@ -34,6 +34,7 @@ class Knowledge:
         params: RouteParams,
         box: tuple[float, float, float, float],
         retreat_m: float = 0.5,
+        border: str = "the border of the arena",
     ) -> Knowledge:
         """Return what follows from the units' geometry and the parameters of their routes.
 
@@ -42,7 +43,8 @@ class Knowledge:
             params: Parameters of the routes.
             box: Where the axle may be and is seen: x low, x high, y low, y high [m].
             retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
+            border: What ``box`` is, in words.
         """
         body = Body.of(geometry)
         travel = Travel.of(params.pace, params.route.turn_radps)
-        return cls(Lanes(body, params.route), RouteFinder(body, params, box), travel, retreat_m)
+        return cls(Lanes(body, params.route), RouteFinder(body, params, box, border), travel, retreat_m)

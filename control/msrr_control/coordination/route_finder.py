@@ -64,18 +64,25 @@ class RouteParams:
 class RouteFinder:
     """Plans tracks around what stands."""
 
-    def __init__(self, body: Body, params: RouteParams, box: tuple[float, float, float, float]) -> None:
+    def __init__(
+        self,
+        body: Body,
+        params: RouteParams,
+        box: tuple[float, float, float, float],
+        border: str = "the border of the arena",
+    ) -> None:
         """Bind the finder to what does not change.
 
         Args:
             body: Form of the units.
             params: Parameters of the routes.
             box: Where units may be and are seen: x low, x high, y low, y high [m].
+            border: What ``box`` is, in words.
         """
-        self.body, self.box = body, box
+        self.body, self.box, self._border = body, box, border
         self.spec = params.route
         self._planner = RoutePlanner(
-            params.route, params.walls, params.pace, box, body.offset, body.half_width
+            params.route, params.walls, params.pace, box, body.offset, body.half_width, border
         )
 
     def find(self, request: RouteRequest) -> Track | None:
@@ -144,7 +151,7 @@ class RouteFinder:
         x, y = poses[:, 0], poses[:, 1]
         outside = np.max([x0 - x, x - x1, y0 - y, y - y1], axis=0)
         if outside.max() > max(float(outside[0]), 0.0) + _LOSS_M:
-            return "the border of the arena, or of what the overhead camera sees, is behind it"
+            return f"{self._border} is behind it"
         near = (o.name for o in obstacles if self._comes_near(poses, o))
         return next((f"{name} stands behind it" for name in near), None)
 

@@ -75,7 +75,8 @@ class Route:
     Attributes:
         path: Path of the controlled point; it begins in the middle of the axle.
         shape: ``arc``: one circle and the lead-in; ``around``: lines and arcs around obstacles; ``staged``:
-            to a place from which the rest is planned again, after a turn on the spot.
+            to a place from which the rest is planned again, after a turn on the spot; ``granted``: the path
+            of a leg that a base station has granted.
         sides: Side on which each obstacle that is left to a wall is passed, -1 right, +1 left, by name.
         seconds: Expected duration [s].
     """

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from types import MappingProxyType
 from typing import Generic
 
 from msrr_control.coordination.authority import MovementAuthority
+from msrr_control.coordination.track import path_of
 from msrr_control.path_following.law import PathFollowingLaw, State
-from msrr_control.planning.route import ArenaMap
+from msrr_control.planning.route import ArenaMap, Route
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.sequence.states import STILL
@@ -16,7 +18,7 @@ from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.route_follower import RouteFollower, shown_path
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
-from msrr_scenes.messages import ArenaEstimate, AssemblyPath, AssemblyProgress, Twist, seconds
+from msrr_scenes.messages import AssemblyPath, AssemblyProgress, Twist, seconds
 from msrr_scenes.messages.coordination import Authority, LegKind
 
 #: Speed below which a unit stands still [m/s], [rad/s].
@@ -112,13 +114,14 @@ class GuidedAssembler(Generic[State]):
             self._unseen_ns = None
             if self._follower.started:
                 self._follower.restart(estimate.own.X_WB, observation.twist, now)
-        # To drive a route only these matter of what is known; all of it when the next leg begins.
-        arena = ArenaMap(estimate.own.X_WB, estimate.own.X_WB, (), estimate.obstacles)
+        # The route leads around all that stands. A wall or a potential beside an obstacle would lead the unit
+        # off it, onto ground that others count on.
+        arena = ArenaMap(estimate.own.X_WB, estimate.own.X_WB, (), ())
         if self._end_yaw is not None:
             return self._face_end(observation, arena.X_WU.yaw)
         legs = self.authority.legs
         for _ in range(len(legs) + 1):  # a leg with nothing left is passed in the same instant
-            if self._leg is None and not self._begin_next(estimate, now):
+            if self._leg is None and not self._begin_next(arena, now):
                 return STILL
             assert self._leg is not None
             kind = legs[self._leg].kind
@@ -138,10 +141,10 @@ class GuidedAssembler(Generic[State]):
                 self._end_yaw = self.authority.end_yaw
                 return self._face_end(observation, arena.X_WU.yaw)
             self.covered = legs[self._leg].end
-            self._begin(self._leg + 1, estimate, now)
+            self._begin(self._leg + 1, arena, now)
         return STILL
 
-    def _begin_next(self, estimate: ArenaEstimate, now: int) -> bool:
+    def _begin_next(self, arena: ArenaMap, now: int) -> bool:
         """Begin the route if there is one; return whether there is."""
         if not self.authority.legs:
             self._stage, self._reason = "plan", "waits for an authority"
@@ -152,19 +155,19 @@ class GuidedAssembler(Generic[State]):
             self._stage, self._reason, self.finished = "settle", "at the end of the route", True
             return False
         self.covered = self._start_of(first)
-        self._begin(first, estimate, now)
+        self._begin(first, arena, now)
         return True
 
-    def _begin(self, index: int, estimate: ArenaEstimate, now: int) -> None:
+    def _begin(self, index: int, arena: ArenaMap, now: int) -> None:
         self._leg, self._waits = index, None
         self._follower.drop_route()
         leg = self.authority.legs[index]
         self._reason = f"leg {index + 1} of {len(self.authority.legs)}: {leg.kind.value}"
         if leg.kind is not LegKind.PATH:
             return
-        route = self.authority.route_of(index)
-        self._follower.set_route(route, self._setup.map_of(estimate))
-        self.path = shown_path(now, route, self.path, "granted", self._reason)
+        route = Route(path_of(leg), "granted", MappingProxyType({}), 0.0)  # of no expected duration
+        self._follower.set_route(route, arena)
+        self.path = shown_path(now, route, self.path, self._reason)
 
     # The legs: each returns a command, or None at its end.
 
@@ -176,8 +179,7 @@ class GuidedAssembler(Generic[State]):
         # The heading counts from the middle of the turn: neither way round is the nearer one in a half turn.
         middle = 0.5 * leg.turn
         error = middle - wrap_angle(arena.X_WU.yaw - leg.start[2] - middle)
-        left = self._setup.offset * abs(error)
-        self.covered = max(self.covered, min(leg.end - left, leg.end))
+        self.covered = max(self.covered, leg.end - self._setup.offset * abs(error))
         if abs(error) < _ALIGNED_RAD and abs(observation.twist.w) < _STILL_RADPS:
             return None
         allowed = max(limit - max(self.covered, begin), 0.0) / self._setup.offset

@@ -179,21 +179,18 @@ class RouteFollower(Generic[State]):
         return self._monitor
 
 
-def shown_path(
-    stamp_ns: int, route: Route, before: AssemblyPath | None, shape: str, reason: str
-) -> AssemblyPath:
+def shown_path(stamp_ns: int, route: Route, before: AssemblyPath | None, reason: str) -> AssemblyPath:
     """Return the path of a route for the log.
 
     Args:
         stamp_ns: Time at which the route is taken up.
         route: The route.
         before: Path that was followed before; None for the first.
-        shape: Shape of the route, in a word.
         reason: Why it is taken up.
     """
     _, points = route.path.sample(_LOGGED_SPACING_M)
     number = 1 if before is None else before.number + 1
-    return AssemblyPath(stamp_ns, number, shape, tuple(_as_tuple(point) for point in points), reason)
+    return AssemblyPath(stamp_ns, number, route.shape, tuple(_as_tuple(point) for point in points), reason)
 
 
 def _as_tuple(point: Array) -> tuple[float, float]:

@@ -75,7 +75,7 @@ class AssemblySetup:
             offset=geometry.control_offset(port),
             half_width=float(np.abs(geometry.footprint[:, 1]).max()),
             X_TD=None,
-            unit_radius={u: _radius(scene, u) for u in scene.units},
+            unit_radius={u: scene.geometry(u).circumradius for u in scene.units},
             obstacle_radius={name: o.radius_m for name, o in scene.obstacles.items()},
             arena=scene.arena,
             in_view=_bounds_in_view(scene, unit),
@@ -173,8 +173,3 @@ def _bounds_in_view(scene: Scene, unit: str) -> Bounds | None:
         camera.y_m - per_pixel * (bottom - ideal.cy) + reach,
         camera.y_m - per_pixel * (top - ideal.cy) - reach,
     )
-
-
-def _radius(scene: Scene, unit: str) -> float:
-    corners = scene.geometry(unit).footprint
-    return float(max(math.hypot(x, y) for x, y in corners))

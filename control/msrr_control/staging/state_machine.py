@@ -132,6 +132,7 @@ class LongDistanceAssembler(Generic[State]):
         if estimate is None or seconds(now - estimate.last_seen_ns) > self._watch.stale_s:
             return self._wait_to_be_seen(observation)
         if self._unseen_ns is not None:  # seen again: the law starts again where the unit is now
+            self._wait_longer(now - self._unseen_ns)
             self._unseen_ns = None
             if self._follower.started:
                 self._follower.restart(estimate.own.X_WB, observation.twist, now)
@@ -209,7 +210,7 @@ class LongDistanceAssembler(Generic[State]):
             return GiveUp(FailureReason.BLOCKED, reason)
         self._paths += 1
         self._follower.set_route(route, arena)
-        self.path = shown_path(now, route, self.path, route.shape, self._reason)
+        self.path = shown_path(now, route, self.path, self._reason)
         reason = f"{route.shape} of {float(route.path.length):.2f} m: {self._reason}"
         return _Transition(AssemblyState.TURN, reason)
 
@@ -297,6 +298,13 @@ class LongDistanceAssembler(Generic[State]):
         if state in (AssemblyState.LOCALISE, AssemblyState.BRAKE):
             self._follower.drop_route()
             self._planned_ns = None
+
+    def _wait_longer(self, unseen_ns: int) -> None:
+        """Count no time in which the unit was not seen as time in which it was held, or found no route."""
+        if self._since_ns is not None:
+            self._since_ns += unseen_ns
+        error, reached_ns = self._least_error
+        self._least_error = error, reached_ns + unseen_ns
 
     def _time_in_state(self, now: int) -> float:
         return 0.0 if self._since_ns is None else seconds(now - self._since_ns)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.base_station.base_station import BaseStation, check_mission, mission_of
+from msrr_bullet.base_station.base_station import BaseStation, check_mission, knowledge_of, mission_of
 from msrr_scenes import load_scene
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages.coordination import MissionState, UnitState
@@ -49,6 +49,25 @@ plan: [{{unit: u7, to: u6.right}}, {{unit: u3, to: u0.rear}}]
     with pytest.raises(SceneError, match=r"plan: step 'u3' cannot be done: 'u7' stands .* since step 'u7'"):
         check_mission(load_scene(path))
     check_mission(load_scene(path, {"plan.0.after": "[]", "plan.1.after": "[]"}))
+
+
+#: Two units in the middle of an arena of which a low camera sees a part.
+NEAR = {"units.a.pose": "{x_m: -0.3}", "units.b.pose": "{x_m: 0.5}"}
+
+
+def test_a_unit_is_not_sent_to_where_it_is_not_seen() -> None:
+    """Inside the arena, outside the picture: it drove between waiting places, and gave up."""
+    plan = {**NEAR, "plan": "[{move: a, pose: {x_m: 0, y_m: 0.8}}]"}
+    check_mission(load_scene("two_units_free", plan))
+    with pytest.raises(SceneError, match=r"plan\.0\.pose: \(0, 0\.8\) .* overhead camera sees"):
+        check_mission(load_scene("two_units_free", {**plan, "cameras.overhead.height_m": "1.6"}))
+
+
+def test_the_largest_top_tag_is_seen_wherever_units_are_sent() -> None:
+    low = {**NEAR, "cameras.overhead.height_m": "1.6", "plan": "[{move: a}]", "tags.top_m": "0.04"}
+    larger = {**low, "units.b.tag_sizes_m": "{tag_top: 0.1}"}
+    small, large = (knowledge_of(load_scene("two_units_free", o)).finder.box for o in (low, larger))
+    assert large[1] < small[1] - 0.01
 
 
 def test_assembled_units_are_docked_before_anything_is_heard() -> None:

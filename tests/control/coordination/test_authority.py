@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from msrr_control.coordination.authority import MovementAuthority
 from msrr_control.coordination.track import TrackBuilder
 from msrr_control.path_following.path import Path
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg
+from msrr_scenes.messages.coordination import Authority, RouteLeg
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 LIMITS = LimitsSpec.model_validate({})
@@ -80,18 +78,3 @@ def test_the_newest_counts_in_whatever_order_they_arrive() -> None:
     assert held.newest is messages[-1]
     assert 1 <= sum(begins) <= 2
     assert held.limit(0, 0.0, 0.0) == pytest.approx(0.8)
-
-
-def test_legs_become_routes() -> None:
-    held = MovementAuthority(LIMITS, REACTION_S)
-    held.receive(_authority(1.0))
-    kinds = [leg.kind for leg in held.legs]
-    assert kinds == [LegKind.TURN, LegKind.PATH, LegKind.TURN, LegKind.DOCK]
-    staged, final = held.route_of(1), held.route_of(3)
-    assert not staged.final
-    assert final.final
-    assert float(staged.path.length) == pytest.approx(1.1)
-    end = staged.path.at(staged.path.length).point
-    np.testing.assert_allclose(end, [1.1 * math.cos(1.0), 1.1 * math.sin(1.0)], atol=1e-9)
-    with pytest.raises(ValueError, match="not a path"):
-        held.route_of(0)

@@ -39,6 +39,8 @@ from msrr_scenes.specs.spec import PoseSpec
 Rig = Any
 Starts = Callable[..., dict[str, SE2]]
 
+PORTS = ("rear", "left", "right")
+
 BAD_RADIO = RadioSpec.model_validate(
     {"loss": 0.2, "latency_ms": 200, "jitter_ms": 100, "silences": [{"from_s": 8, "until_s": 18}]}
 )
@@ -555,6 +557,35 @@ def test_a_target_goes_where_all_its_ports_can_be_reached(
     assert status.state is MissionState.COMPLETE, status.reason
     assert run.joints == {step.unit: step.to for step in steps}
     assert run.units["b"].route == 1
+
+
+@pytest.mark.parametrize(("held", "dies_s"), [(1, math.inf), (0, 4.0)])
+def test_nobody_is_led_to_where_a_target_was_to_stand(held: int, dies_s: float, rig: type[Rig]) -> None:
+    """`b` is stopped on its way out of a corner, and others are under way to where its ports would have been.
+
+    They were granted the ground on which it stands, and the legs into its ports.
+    """
+    steps = [DockStep(unit=unit, to=f"b.{port}", after=()) for unit, port in zip("cde", PORTS, strict=True)]
+    starts = {"b": SE2(-1.7, -1.2, 0.7), "c": SE2(1.2, 0.8, math.pi), "d": SE2(1.2, -0.9, 0.5)}
+    run = rig(Mission(steps=steps), {**starts, "e": SE2(-0.2, 1.2, 0.5)})
+    run.units["b"].held_routes, run.units["b"].held_m, run.units["b"].dies_s = held, 0.35, dies_s
+    body = run.knowledge.lanes.body
+    while run.status.state is MissionState.RUNNING:
+        run.step()
+        for step in steps:
+            unit = run.units[step.unit]
+            if unit.authority.length > unit.authority.dock_start >= unit.progress and unit.authority.newest:
+                off = unit.track.end.inverse() @ body.docked(run.units["b"].X_WU, step.target_port)
+                granted = unit.authority.newest.limit >= unit.authority.length
+                assert not granted or math.hypot(off.x, off.y) < 0.1, f"{unit.name} is led past its port"
+    status = run.status
+    if held:
+        assert status.state is MissionState.COMPLETE, status.reason
+        assert run.joints == {step.unit: step.to for step in steps}
+    else:
+        assert status.state is MissionState.INCOMPLETE
+        assert not run.joints
+        assert "b has failed" in status.reason
 
 
 def test_a_target_that_the_plan_has_sent_too_near_to_the_border_is_sent_on(rig: type[Rig]) -> None:

@@ -23,13 +23,15 @@ from msrr_control.path_following.path import Path
 from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_control.staging.parameters import AssemblyParams
+from msrr_control.staging.registry import build_guided
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
-from msrr_scenes.messages import ArenaEstimate, FailureReason, GlobalPose, Twist
+from msrr_scenes.messages import ArenaEstimate, FailureReason, GlobalPose, ObstacleEstimate, Twist
 from msrr_scenes.messages.coordination import Authority, LegKind, MissionState, RouteLeg, UnitMode, UnitReport
 from msrr_scenes.specs.bodies import ArenaSpec
 from msrr_scenes.specs.mission import ShapeSpec
+from msrr_scenes.specs.spec import Choice
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 DT_NS = 20_000_000
@@ -335,6 +337,25 @@ def test_a_unit_that_the_collision_monitor_holds_or_slows_stays_on_its_path(pass
         most_off = max(most_off, float(np.hypot(*(points - tip).T).min()))
     assert unit.assembler.finished
     assert most_off < 0.015
+
+
+@pytest.mark.parametrize("name", ["c1", "c2"])
+def test_beside_an_obstacle_it_stays_on_the_ground_that_was_granted(name: str) -> None:
+    """The potential of c2 pushed it 90 mm off its route, towards a unit that stood beside that."""
+    setup = replace(setup_of("a", ("b",)), target=None, X_TD=None)
+    unit = Unit("a", SE2(-1.0, 0.0, 0.0), build_guided(Choice(name=name), setup, REACTION_S))
+    leg = RouteLeg(LegKind.PATH, (-1.0, 0.0, 0.0), (0.0,), (2.0,), 0.0, 1.9)
+    message = Authority("a", 1, 1, 0, 3_000_000_000, leg.end, (leg,), None, False)
+    post, now_ns, most_off = SE2(0.0, 0.24, 0.0), 0, 0.0
+    while not unit.assembler.finished:
+        if now_ns % 200_000_000 == 0:
+            unit.assembler.receive(replace(message, seq=2 + now_ns, expires_ns=now_ns + 3_000_000_000))
+        now_ns += DT_NS
+        assert now_ns < 30e9
+        obstacles = (ObstacleEstimate("post", now_ns, post, 1e-6 * np.eye(3), 0.08),)
+        unit.step(now_ns, replace(arena_of(unit, now_ns), obstacles=obstacles))
+        most_off = max(most_off, abs(unit.X_WU.y))
+    assert most_off < 0.002
 
 
 @pytest.mark.parametrize("turn", [-1.0, 1.0])

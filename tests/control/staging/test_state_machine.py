@@ -236,6 +236,26 @@ def test_it_waits_while_it_is_not_seen_and_goes_on() -> None:
     assert arena.assembler.path.number == 1
 
 
+@pytest.mark.parametrize("hidden_s", [1.77, 1.82, 1.87])
+def test_a_turn_in_which_it_was_not_seen_was_not_stopped(hidden_s: float) -> None:
+    """It is hidden near the end of the turn, stands for 7 s, and goes on with the turn."""
+    arena = Arena(SE2(-1.0, 0.3, 2.0), hidden=(hidden_s, hidden_s + 8.0)).run()
+    assert arena.stands_before_the_port()
+    assert arena.assembler.path is not None
+    assert (arena.assembler.path.number, arena.assembler.path.shape) == (1, "arc")
+
+
+def test_time_in_which_it_is_not_seen_is_no_time_without_a_route() -> None:
+    """A crate stands in the lane; it is carried away 2 s after the unit is seen again."""
+    crate = {"crate": (0.7, 0.0, 0.1, 0.0)}
+    arena = Arena(SE2(-1.0, 0.3, 0.0), obstacles=crate, hidden=(0.3, 7.3))
+    while arena.now_ns < 9.3e9:
+        assert arena.outcome is None
+        arena.step()
+    arena.obstacles.clear()
+    assert arena.run().stands_before_the_port()
+
+
 def test_a_unit_that_is_never_seen_shows_itself_and_gives_up() -> None:
     arena = Arena(SE2(-1.5, 0.3, 0.0), hidden=(0.0, math.inf))
     while arena.now_ns < 5e9:
