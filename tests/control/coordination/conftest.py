@@ -41,6 +41,7 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 
 BOX = (-2.0, 2.0, -1.5, 1.5)
 TICK_NS = 50_000_000
+BASE_NS = 100_000_000  # between two steps of the base station, as in a trial
 LIMITS = LimitsSpec.model_validate({})
 SPEED = {
     LegKind.BACK: 0.10,
@@ -98,6 +99,7 @@ class ToyUnit:
     speed: float = 0.0
     route: int = 0
     track: Track | None = None
+    led_to: SE2 | None = None  # where the dock leg has been led
     waited_s: float = 0.0
     again_s: float = 0.0  # time until it is back at the port after an attempt that failed
     dead_s: float | None = None
@@ -135,7 +137,7 @@ class ToyUnit:
             assert self.speed < 1e-4, f"{self.name} gets another route while it moves"
             self.route, self.progress, self.waited_s = message.route, 0.0, 0.0
             self.lost = False
-            self.track = track_of(message.legs, self.X_WU, self.body.offset)
+            self.track, self.led_to = track_of(message.legs, self.X_WU, self.body.offset), None
             assert self.track.length == pytest.approx(self.authority.length, abs=0.05)
 
     def look_at(self, units: Mapping[str, ToyUnit]) -> None:
@@ -145,7 +147,9 @@ class ToyUnit:
         assert newest.to is not None
         assert self.track is not None
         holder, _, port = newest.to.partition(".")
-        self.track = self.track.docking_at(self.body.docked(units[holder].X_WU, port))
+        X_WE = self.body.docked(units[holder].X_WU, port)
+        if X_WE != self.led_to:
+            self.track, self.led_to = self.track.docking_at(X_WE), X_WE
 
     @property
     def hidden(self) -> bool:
@@ -171,8 +175,7 @@ class ToyUnit:
             if self.waited_s < UNLOCK_S:
                 return
             self.left, self.holder, self.waited_s = self.holder.partition(".")[0], None, 0.0
-        kind = self.leg
-        if kind is None:  # the unit stands where it is to be
+        if not self.authority.legs:  # the unit stands where it is to be
             return
         if self.lost or self.hidden:
             self.speed, self.mode = 0.0, UnitMode.STANDING
@@ -180,7 +183,8 @@ class ToyUnit:
             if self.lost:
                 self.mode = UnitMode.LOST
             return
-        end = self.authority.legs[self._leg].end
+        leg = self.authority.legs[self._leg]
+        kind, end = leg.kind, leg.end
         limit = self.authority.limit(now_ns, self.progress, self.speed)
         most, rest, lag = min(end, limit), max(limit - self.progress, 0.0), DECELERATION * dt
         # A loop with a delay does not overshoot while its gain is below 1 / (e delay).
@@ -336,11 +340,34 @@ class Rig:
         return self.status
 
     def step(self) -> None:
+        """Advance to the next step of the base station, and let it decide."""
+        for _ in range(BASE_NS // TICK_NS):
+            self._move()
+        bodies = [
+            GlobalPose(u.name, self.now_ns, self._seen(u.X_WU), np.eye(3) * 1e-6)
+            for u in self.units.values()
+            if not u.hidden
+        ]
+        self._sights.append((self.now_ns, bodies))
+        while self._sights and self._sights[0][0] <= self.now_ns - CAMERA_NS:
+            bodies = self._sights.pop(0)[1]
+            if self.sight or self.now_ns < 1_000_000_000:
+                self.coordinator.observe(bodies, self.now_ns)
+                self._judge_knowledge()
+        for message in self.coordinator.step(self.now_ns):
+            key = (message.unit, message.route)
+            assert message.limit >= self._granted.get(key, -math.inf), "an authority shrinks"
+            self._granted[key] = message.limit
+            self.authorities.append(message)
+            self._radio.send(message.unit, message, self.now_ns)
+
+    def _move(self) -> None:
+        """Advance the units by one tick, and deliver what arrives."""
         self.now_ns += TICK_NS
         period = round(1e9 / self.radio.rate_hz)
         for k, unit in enumerate(self.units.values()):
             was = unit.holder
-            if unit.leg is LegKind.DOCK and unit.progress > unit.authority.dock_start and not unit.holder:
+            if not unit.holder and unit.progress > unit.authority.dock_start and unit.leg is LegKind.DOCK:
                 unit.look_at(self.units)
             unit.step(self.now_ns)
             if unit.holder is not None and was is None:
@@ -354,24 +381,6 @@ class Rig:
             else:
                 assert isinstance(message, UnitReport)
                 self.coordinator.receive(message, self.now_ns)
-        if self.now_ns % 100_000_000 == 0:
-            bodies = [
-                GlobalPose(u.name, self.now_ns, self._seen(u.X_WU), np.eye(3) * 1e-6)
-                for u in self.units.values()
-                if not u.hidden
-            ]
-            self._sights.append((self.now_ns, bodies))
-        while self._sights and self._sights[0][0] <= self.now_ns - CAMERA_NS:
-            bodies = self._sights.pop(0)[1]
-            if self.sight or self.now_ns < 1_000_000_000:
-                self.coordinator.observe(bodies, self.now_ns)
-                self._judge_knowledge()
-        for message in self.coordinator.step(self.now_ns):
-            key = (message.unit, message.route)
-            assert message.limit >= self._granted.get(key, -math.inf), "an authority shrinks"
-            self._granted[key] = message.limit
-            self.authorities.append(message)
-            self._radio.send(message.unit, message, self.now_ns)
 
     def _seen(self, X_WU: SE2) -> SE2:
         if self.now_ns > 1e9 * self.noisy_s:
@@ -400,10 +409,11 @@ class Rig:
                 assert unit.progress <= self._granted[unit.name, unit.route] + 1e-6 or unit.progress == 0.0, (
                     f"{unit.name} is on ground that was not granted"
                 )
+        partners = {unit.name: unit.partner for unit in units}
         pairs = [
             (a, b)
             for a, b in itertools.combinations(units, 2)
-            if a.partner != b.name and b.partner != a.name and (a.speed > 0.0 or b.speed > 0.0)
+            if (a.speed > 0.0 or b.speed > 0.0) and partners[a.name] != b.name and partners[b.name] != a.name
         ]
         if not pairs:
             return
@@ -416,7 +426,7 @@ class Rig:
             assert gap > 0.0, f"{pairs[k][0].name} and {pairs[k][1].name} touch at {self.now_ns * 1e-9:.1f} s"
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def rig() -> type[Rig]:
     """The rig's class."""
     return Rig
@@ -428,7 +438,7 @@ def knowledge() -> Knowledge:
     return make_knowledge()
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def starts():
     """The function that draws poses all over the arena."""
     return random_starts
