@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.log import Event, read_log, topics
+from msrr_bullet.log import Event, MemoryRecorder
 from msrr_bullet.run import run_trial
 from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.trial import Trial
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
@@ -62,7 +63,8 @@ def test_a_unit_that_seizes_in_the_lane_has_the_shape_built_elsewhere(tmp_path: 
     """In its dock leg the phase machine notices it: no attempt gets any nearer to the port."""
     (tmp_path / "pair.yaml").write_text(PAIR)
     blind = {"plant": "unicycle", "perception": "parametric", "faults.0.from_s": "12"}
-    result = run_trial(load_scene(tmp_path / "pair.yaml", blind), 1)
+    brief = {"docking.stall_time_s": "0.8", "docking.retreat_m": "0.15"}
+    result = run_trial(load_scene(tmp_path / "pair.yaml", blind | brief), 1)
     assert result.outcome is Outcome.COMPLETE, reason(result)
     assert untouched(result)
     failed, docked = result.steps
@@ -158,19 +160,25 @@ def test_large_missions_survive_failures(name: str, outcome: Outcome, shipped: L
 
 
 @pytest.mark.parametrize(
-    ("wheel", "seed"), [("left", 1), pytest.param("right", 2, marks=pytest.mark.nightly)]
+    ("wheel", "seed", "grade"),
+    [
+        ("left", 1, "perfect"),
+        pytest.param("left", 1, "careful", marks=pytest.mark.nightly),
+        pytest.param("right", 2, "careful", marks=pytest.mark.nightly),
+    ],
 )
 def test_a_unit_docks_by_what_it_sees_where_an_encoder_is_stuck(
-    wheel: str, seed: int, tmp_path: Path
+    wheel: str, seed: int, grade: str, shipped: Load
 ) -> None:
     """It fails two seconds before the contact; by the wheels the unit turns on the spot from then on."""
-    faults = f"[{{kind: encoder_stuck, unit: a, wheel: {wheel}, from_s: 4}}]"
-    result = run_trial(load_scene("close_range", {"faults": faults}), seed, out=tmp_path / "run")
+    faults, recorder = f"[{{kind: encoder_stuck, unit: a, wheel: {wheel}, from_s: 4}}]", MemoryRecorder()
+    scene = shipped("close_range", {"faults": faults, "as_built": grade})
+    result = Trial(scene, seed, recorder=recorder).run()
     assert result.outcome is Outcome.DOCKED, result.reason
     seen = result.decisive_step.onboard_exposures
     assert seen is not None
     assert seen.without_wheels > 10
-    told = [event.text for _, event in read_log(tmp_path / "run").messages(Event, topics.EVENTS)]
+    told = [event.text for *_, event in recorder.messages if isinstance(event, Event)]
     wrong = seen.without_wheels + seen.rejected
     assert any(text.startswith(f"{wrong} of {seen.total} exposures of the onboard") for text in told)
 

@@ -170,7 +170,7 @@ def test_units_that_nobody_sees_for_a_while_go_on_when_they_are_seen_again(
 ) -> None:
     """The overhead camera fails for 15 s, 5 s longer than units wait for it; log and result tell of it."""
     fast = {"plant": "unicycle", "perception": "parametric", "as_built": "perfect", "time_limit_s": "200"}
-    scene = load_scene(line_of_three, {**fast, "faults": BLACKOUT})
+    scene = load_scene(line_of_three, {**fast, "shape": "{line: 2}", "faults": BLACKOUT})
     with McapRecorder(tmp_path / "log.mcap", LogHeader.of(scene, 1, {})) as recorder:
         result = Trial(scene, 1, recorder=recorder).run()
     assert result.outcome is Outcome.COMPLETE, result.reason

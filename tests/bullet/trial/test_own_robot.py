@@ -34,6 +34,7 @@ def own_folder(folder: Path) -> Path:
     return home / "own.yaml"
 
 
+@pytest.mark.usefixtures("undrawn_runs")
 def test_a_robot_beside_its_scene_docks_and_replays_without_it(tmp_path: Path) -> None:
     """On pixels and by contact, from near and as drawn to be quick; the log holds all that a replay needs."""
     quick = {
@@ -47,7 +48,7 @@ def test_a_robot_beside_its_scene_docks_and_replays_without_it(tmp_path: Path) -
     assert replay(run).identical
 
 
-BLIND = {"perception": "parametric", "plant": "unicycle", "as_built": "perfect"}
+BLIND = {"perception": "parametric", "plant": "unicycle", "as_built": "perfect", "time_limit_s": "1"}
 
 
 def test_a_robot_that_is_edited_while_its_trial_runs_has_no_result(tmp_path: Path) -> None:
@@ -78,12 +79,12 @@ def test_a_sweep_of_a_robot_that_is_edited_keeps_what_was_run_before(tmp_path: P
             edited.replace(urdf)
 
     with ThreadPoolExecutor(1) as pool, pytest.raises(MsrrError):
-        sweep(scene, range(6), store=store, executor=pool, observer=edit)
+        sweep(scene, range(3), store=store, executor=pool, observer=edit)
     with ThreadPoolExecutor(1) as pool:
-        assert sweep(scene, range(6), store=store, executor=pool).reused == 0
+        assert sweep(scene, range(3), store=store, executor=pool).reused == 0
     urdf.write_text(urdf.read_text().replace("<!-- edited -->", ""))
     with ThreadPoolExecutor(1) as pool:
-        found = sweep(scene, range(6), store=store, executor=pool, observer=lambda r, _: again.append(r))
+        found = sweep(scene, range(3), store=store, executor=pool, observer=lambda r, _: again.append(r))
     assert found.reused == 2
     assert again[:2] == ended[:2]
 

@@ -110,7 +110,8 @@ def test_plant_and_perception_are_independent_axes(plant: str, perception: str, 
 
 def test_kinematic_units_with_parametric_perception_dock_at_the_first_attempt(shipped: Load) -> None:
     """The fast variant replaces the full one in studies, so it must not add failures."""
-    results = [run_trial(shipped("close_range", blind=True), seed) for seed in range(5)]
+    scene = shipped("close_range", blind=True)
+    results = [run_trial(scene, seed) for seed in range(5)]
     assert [(r.outcome, len(r.steps[0].attempts)) for r in results] == [(Outcome.DOCKED, 1)] * 5
 
 
