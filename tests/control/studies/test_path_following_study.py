@@ -31,9 +31,19 @@ def _study(
     return run_path_following_study(law, limits, np.random.default_rng(1), walls=params.walls, **more)
 
 
-@pytest.mark.parametrize(("disturbance", "tracking"), [(None, (0.012, 0.015)), (NOISE, (0.020, 0.025))])
-def test_the_figures_of_the_long_distance_phase(disturbance, tracking) -> None:
-    result = _study(disturbance=disturbance)
+@pytest.fixture(scope="module")
+def ideal() -> PathFollowingStudyResult:
+    return _study()
+
+
+@pytest.fixture(scope="module")
+def noisy() -> PathFollowingStudyResult:
+    return _study(disturbance=NOISE)
+
+
+@pytest.mark.parametrize(("name", "tracking"), [("ideal", (0.012, 0.015)), ("noisy", (0.020, 0.025))])
+def test_the_figures_of_the_long_distance_phase(name, tracking, request) -> None:
+    result = request.getfixturevalue(name)
     for figure, (median, p95) in (
         (result.tracking_error(), tracking),
         (result.amplitude(), (0.25, 0.27)),
@@ -52,12 +62,11 @@ def test_every_command_is_within_the_drive() -> None:
     assert result.body_distance().min() - BODY_M > 0.02
 
 
-def test_the_unit_ends_on_the_lead_in() -> None:
-    result = _study(disturbance=NOISE, trials=50)
-    assert result.deviation()[-1].max() < 0.015
-    path, _ = draw_paths(PathFollowingStartSet(), 50, np.random.default_rng(1))
+def test_the_unit_ends_on_the_lead_in(noisy: PathFollowingStudyResult) -> None:
+    assert noisy.deviation()[-1].max() < 0.015
+    path, _ = draw_paths(PathFollowingStartSet(), noisy.pose.shape[1], np.random.default_rng(1))
     end = path.at(path.length)
-    off = np.angle(np.exp(1j * (result.pose[-1, :, 2] - end.heading)))
+    off = np.angle(np.exp(1j * (noisy.pose[-1, :, 2] - end.heading)))
     assert np.degrees(np.abs(off)).max() < 8.0
 
 
@@ -66,10 +75,9 @@ def test_without_the_envelope_it_drives_through() -> None:
     assert (result.body_distance() < BODY_M).all()
 
 
-def test_the_spring_adds_a_margin() -> None:
-    kept = _study(trials=100).body_distance().min()
-    without = _study(C1PathFollowingParams(spring=False), trials=100).body_distance().min()
-    assert 0.002 < kept - without < 0.03
+def test_the_spring_adds_a_margin(ideal: PathFollowingStudyResult) -> None:
+    without = _study(C1PathFollowingParams(spring=False)).body_distance().min()
+    assert 0.002 < ideal.body_distance().min() - without < 0.03
 
 
 def test_anti_windup_lessens_the_overshoot_where_limits_bite() -> None:
@@ -92,15 +100,14 @@ def test_compensating_the_delay_halves_the_steady_error() -> None:
     assert on < 0.5 * off
 
 
-def test_the_same_seed_gives_the_same_bits() -> None:
-    a, b = (_study(trials=10, disturbance=NOISE) for _ in range(2))
-    np.testing.assert_array_equal(a.pose, b.pose)
+def test_the_same_seed_gives_the_same_bits(noisy: PathFollowingStudyResult) -> None:
+    np.testing.assert_array_equal(_study(disturbance=NOISE).pose, noisy.pose)
 
 
-def test_what_is_lag_is_told_from_what_is_swing() -> None:
+def test_what_is_lag_is_told_from_what_is_swing(ideal: PathFollowingStudyResult) -> None:
     """C2 waits behind the obstacle: far from the desired point, hardly farther from the path than C1."""
     law = C2PathFollowingLaw(C2PathFollowingParams(), NORMAL, 0.10)
-    c1, c2 = _study(trials=60), run_path_following_study(law, NORMAL, np.random.default_rng(1), trials=60)
+    c1, c2 = ideal, run_path_following_study(law, NORMAL, np.random.default_rng(1), trials=60)
     for result in (c1, c2):
         # The desired point is a point of the path, so nothing is nearer to it than to the path.
         assert np.all(result.from_path() <= result.deviation() + 1e-9)
