@@ -76,7 +76,9 @@ def test_a_window_gives_full_frame_corners(target: TargetModel, draw: Draw) -> N
         np.testing.assert_allclose(alone[tag], corners, atol=0.35)
 
 
-@pytest.mark.parametrize("noise_grey", [8.0, 16.0, 33.0, 45.0])
+@pytest.mark.parametrize(
+    "noise_grey", [8.0, *(pytest.param(grey, marks=pytest.mark.nightly) for grey in (16.0, 33.0)), 45.0]
+)
 def test_a_detector_for_noise_finds_the_same_tags_with_the_same_corners(
     target: TargetModel, draw: Draw, noise_grey: float
 ) -> None:

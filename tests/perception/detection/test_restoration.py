@@ -65,8 +65,8 @@ def test_what_is_restored_is_nearer_to_what_the_lens_has_blurred(
     ("plain", "blur_px", "noise_grey", "least_m"),
     [
         (PupilDetector(), 1.13, 8.0, 0.9),
-        (PupilDetector(), 1.6, 16.0, 0.6),
-        (ArucoDetector(refine=True), 1.13, 8.0, 0.6),
+        pytest.param(PupilDetector(), 1.6, 16.0, 0.6, marks=pytest.mark.nightly),
+        pytest.param(ArucoDetector(refine=True), 1.13, 8.0, 0.6, marks=pytest.mark.nightly),
         (ArucoDetector(refine=True), 1.6, 16.0, 0.4),
     ],
 )
