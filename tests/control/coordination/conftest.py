@@ -148,7 +148,7 @@ class ToyUnit:
         assert self.track is not None
         holder, _, port = newest.to.partition(".")
         X_WE = self.body.docked(units[holder].X_WU, port)
-        if X_WE != self.led_to:
+        if self.led_to != X_WE:
             self.track, self.led_to = self.track.docking_at(X_WE), X_WE
 
     @property
