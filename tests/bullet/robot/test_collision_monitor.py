@@ -167,12 +167,13 @@ def test_a_unit_whose_rear_would_swing_towards_a_body_beside_it_creeps_straight_
     assert (decision.state, decision.twist) == (MonitorState.SLOW, Twist(0.025, 0.0))
 
 
-def test_the_monitor_never_adds_to_a_command() -> None:
-    """2000 random commands near bodies: a share of each command passes, or of its turn or its way alone."""
+@pytest.mark.parametrize("count", [500, pytest.param(2000, marks=pytest.mark.nightly)])
+def test_the_monitor_never_adds_to_a_command(count: int) -> None:
+    """Random commands near bodies: a share of each command passes, or of its turn or its way alone."""
     scene = arena()
     rng = np.random.default_rng(0)
     states = set()
-    for i in range(2000):
+    for i in range(count):
         command = Twist(*rng.uniform([-0.4, -1.5], [0.4, 1.5]))
         X_WA = SE2(*rng.uniform([-0.35, -0.35, -math.pi], [0.35, 0.35, math.pi]))
         decision = CollisionMonitor(scene, "a", scene.docks[0]).limit(command, known(i, X_WA, SE2()), i)
