@@ -167,14 +167,22 @@ plan: [{unit: a, to: b.rear}]
 """
 
 
-@pytest.mark.parametrize("off_m", [-0.005, pytest.param(0.005, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize(
+    ("off_m", "perception"),
+    [
+        (-0.005, "parametric"),
+        pytest.param(-0.005, "images", marks=pytest.mark.nightly),
+        pytest.param(0.005, "images", marks=pytest.mark.nightly),
+    ],
+)
 def test_pins_that_jam_in_an_assembly_are_in_its_holes_at_the_next_attempt(
-    tmp_path: Path, off_m: float
+    tmp_path: Path, off_m: float, perception: str
 ) -> None:
     """The marker is glued on 5 mm to the side, and an assembly stands fast: the jam tells which side."""
     (tmp_path / "fast.yaml").write_text(STANDS_FAST)
     as_built = f"{{bracket: {{y_m: {{error: {off_m}, sigma: 0.002}}}}}}"
-    result = Trial(load_scene(tmp_path / "fast.yaml", {"as_built": as_built}), 1).run(300.0)
+    scene = load_scene(tmp_path / "fast.yaml", {"as_built": as_built, "perception": perception})
+    result = Trial(scene, 1).run(300.0)
     assert result.outcome is Outcome.COMPLETE
     jam, seat = result.steps[0].attempts
     assert jam.contact is not None

@@ -24,10 +24,7 @@ def _study(facts: DockSetup, params: C1DockingParams, **more) -> StudyResult:
 
 
 def test_ideal_starts(facts: DockSetup) -> None:
-    """And a thousand trials take seconds."""
-    began = time.perf_counter()
     result = _study(facts, STEADY)
-    assert time.perf_counter() - began < 10.0
     settling, final = result.settling_time(), result.final_error()
     assert result.at_face.all()
     assert np.median(settling) == pytest.approx(1.0, abs=0.2)
