@@ -159,7 +159,7 @@ class _RunRecorder:
 def _write_derived_files(out: Path, result: TrialResult) -> None:
     """Write what follows from the log; the result comes first, in case a later file cannot be written."""
     try:
-        (out / RESULT_NAME).write_text(result.to_json())
+        (out / RESULT_NAME).write_text(result.to_json(), encoding="utf-8")
         _draw_run(out, result)
     except OSError as error:
         raise RunFolderError(f"{error.filename or out}: cannot be written ({error.strerror})") from None

@@ -8,18 +8,13 @@ from typing import Annotated
 import typer
 
 from msrr_bullet.cli.console import open_console
-from msrr_bullet.cli.options import STANDARD_OUTPUT, check_writable, write_output
+from msrr_bullet.cli.options import STANDARD_OUTPUT, JsonFile, check_writable, write_output
 
 
 def compare(
     first: Annotated[Path, typer.Argument(metavar="FIRST.csv", help="Table by msrr sweep --csv.")],
     second: Annotated[Path, typer.Argument(metavar="SECOND.csv", help="Table of another sweep.")],
-    json_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--json", metavar="FILE", help="Write the numbers as JSON to FILE; - is standard output."
-        ),
-    ] = None,
+    json_file: JsonFile = None,
 ) -> None:
     """Compare two sweeps over the same seeds, trial by trial.
 

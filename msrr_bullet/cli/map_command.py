@@ -169,11 +169,12 @@ def _residual_table(title: str) -> Table:
 
 
 def _add_residuals(table: Table, name: str, sightings: list[MappedSighting]) -> None:
-    distances = sorted(d for s in sightings for d in s.distances.tolist())
+    from msrr_bullet.statistics import quantile
+
+    distances = [d for s in sightings for d in s.distances.tolist()]
     if not distances:
         return
-    quantiles = (f"{distances[int(q * len(distances))]:.2f}" for q in (0.5, 0.95))
-    median, high = quantiles
+    median, high = (f"{quantile(distances, q):.2f}" for q in (0.5, 0.95))
     table.add_row(name, str(len(sightings)), median, f"{_rms(sightings):.2f}", high)
 
 

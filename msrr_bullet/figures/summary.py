@@ -13,6 +13,7 @@ from matplotlib.patches import Polygon
 
 from msrr_bullet.figures import curves
 from msrr_bullet.figures.mission_chart import draw_mission, mission_height
+from msrr_bullet.figures.style import save
 from msrr_bullet.figures.top_view import draw_top_view, extent
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.palette import DETECTION, css
@@ -84,8 +85,7 @@ def write_picture(
     from_above.set_aspect("auto")
     ConstrainedLayoutEngine().execute(figure)
     from_above.set_aspect("equal")
-    figure.savefig(path, metadata={"Software": None})
-    return path
+    return save(figure, path)
 
 
 def _rows_of_curves(scene: Scene, series: TrialSeries) -> list[Callable[[Axes], None]]:

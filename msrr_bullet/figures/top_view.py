@@ -47,7 +47,7 @@ def draw_top_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot], title
 
 
 def extent(scene: Scene, snapshots: Sequence[Snapshot]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the ranges of x and y in W [m] that contain all bodies at all times, and the planned paths."""
+    """Return the ranges of x and y in W [m] of all bodies at 200 instants, and of the planned paths."""
     reach = {name: scene.geometry(name).circumradius for name in scene.units}
     reach |= {name: spec.radius_m for name, spec in scene.obstacles.items()}
     discs = {

@@ -37,8 +37,8 @@ class Instant:
         estimate: Pose of the robot in the dock frame D; None while nothing is known.
         los: Line of sight to the target.
         arrived: Tags of the frame that arrived at this instant; None at other instants.
-        agrees: Whether its tags agreed with the estimate that goes by earlier frames and the wheels, or began
-            it.
+        agrees: Whether its tags agreed with the estimate that goes by earlier frames and the wheels, or were
+            the first. Where the filter begins anew, they did not.
     """
 
     stamp_ns: int

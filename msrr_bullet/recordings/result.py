@@ -86,12 +86,12 @@ class RecordingResult(BaseModel, frozen=True):
         odometry: Whether the recording tells how the wheels turned.
         assumptions: What was taken for granted because the recording does not say it.
         start_ns: Time on the clock of the recording that is 0 in the log.
-        duration_s: Time from the first to the last estimate [s].
+        duration_s: Time from the first to the last instant [s].
         frames: Number of frames.
         unusable: Number of those that could not be read.
         cut_off: Whether the recording is damaged from some point on, and was read up to there.
         with_target: Number of frames in which tags of the target were found.
-        used: Number of frames whose tags agreed with earlier ones and the wheels, or began the estimate.
+        used: Number of frames whose tags agreed with earlier ones and the wheels, or were the first.
         tags: Number of frames in which each tag was found, by id; others than the target's included.
         target_tags: Ids of the tags of the target.
         instants: Number of instants for which estimates were wanted.

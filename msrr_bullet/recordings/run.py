@@ -237,7 +237,7 @@ def _recorder(out: Path, scene: Scene, recording: Recording, lock: ExitStack) ->
 def _write_derived_files(out: Path, result: RecordingResult) -> None:
     """Write what follows from the log; the result comes first, in case a later file cannot be written."""
     try:
-        (out / RESULT_NAME).write_text(result.to_json())
+        (out / RESULT_NAME).write_text(result.to_json(), encoding="utf-8")
         with unpacked_log(out) as log:
             snapshots = read_snapshots(log)
             if not snapshots:

@@ -229,7 +229,7 @@ class WorkerPool:
                 self._collector(task, _failure(task, f"{type(error).__name__}: {error}"))
             del self._running[future]  # not before: after Ctrl-C amid the above it is collected again
         if misuse is not None:
-            raise misuse  # no seed of this scene would run
+            raise misuse  # other seeds of this scene would hardly run
         if lost:
             lost += self._running.values()
             self._running.clear()

@@ -83,8 +83,8 @@ class Body:
         """Return the gaps between bodies at poses ``a`` and ``b``, shapes (..., 3) that broadcast [m].
 
         The gap is the widest strip between the bodies that is parallel to an edge of one of them. It is the
-        distance where an edge is nearest, and up to 8 % less where two corners are; where the bodies overlap,
-        it is negative.
+        distance where an edge is nearest, and less where two corners are: up to 8 % for the shipped outline,
+        29 % for a square. Where the bodies overlap, it is negative.
         """
         first, second = np.broadcast_arrays(a, b)
         result: Array = np.maximum(self._strip(first, second), self._strip(second, first))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Any, get_type_hints
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -10,6 +11,7 @@ from msrr_control.docking.controller import checked_twist
 from msrr_control.parameters import read_params
 from msrr_control.path_following.c1 import C1PathFollowingLaw
 from msrr_control.path_following.c2 import C2PathFollowingLaw
+from msrr_control.path_following.law import PathFollowingLaw
 from msrr_control.sequence.observation import Assembler, GiveUp
 from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_control.staging.parameters import AssemblyParams, C2AssemblyParams, RouteFollowingParams
@@ -24,14 +26,29 @@ from msrr_scenes.specs.spec import Choice
 
 def c1(setup: AssemblySetup, **params: Any) -> Assembler:
     """Build the paper's long-distance phase C1."""
-    checked = read_params("assembler 'c1'", AssemblyParams, params)
-    return LongDistanceAssembler(checked, setup, C1PathFollowingLaw(checked, setup.limits, setup.offset))
+    checked, law = _law("c1", setup, params)
+    return LongDistanceAssembler(checked, setup, law)
 
 
 def c2(setup: AssemblySetup, **params: Any) -> Assembler:
     """Build the long-distance phase of C2, our reading of the paper's comparison."""
-    checked = read_params("assembler 'c2'", C2AssemblyParams, params)
-    return LongDistanceAssembler(checked, setup, C2PathFollowingLaw(checked, setup.limits, setup.offset))
+    checked, law = _law("c2", setup, params)
+    return LongDistanceAssembler(checked, setup, law)
+
+
+#: Parameters and law of the assemblers that are registered by name.
+_LAWS: Mapping[str, tuple[type[RouteFollowingParams], Callable[..., PathFollowingLaw[Any]]]] = {
+    "c1": (AssemblyParams, C1PathFollowingLaw),
+    "c2": (C2AssemblyParams, C2PathFollowingLaw),
+}
+
+
+def _law(
+    name: str, setup: AssemblySetup, params: dict[str, Any]
+) -> tuple[RouteFollowingParams, PathFollowingLaw[Any]]:
+    kind, law = _LAWS[name]
+    checked = read_params(f"assembler {name!r}", kind, params)
+    return checked, law(checked, setup.limits, setup.offset)
 
 
 def build_guided(choice: Choice, setup: AssemblySetup, reaction_s: float) -> GuidedAssembler[Any]:
@@ -45,17 +62,12 @@ def build_guided(choice: Choice, setup: AssemblySetup, reaction_s: float) -> Gui
     Raises:
         SceneError: The parameters are wrong, or the law is none of those that a base station can lead.
     """
-    if choice.name == "c1":
-        c1_params = read_params("assembler 'c1'", AssemblyParams, choice.params)
-        c1_law = C1PathFollowingLaw(c1_params, setup.limits, setup.offset)
-        return GuidedAssembler(c1_params, setup, c1_law, reaction_s)
-    if choice.name == "c2":
-        c2_params = read_params("assembler 'c2'", C2AssemblyParams, choice.params)
-        c2_law = C2PathFollowingLaw(c2_params, setup.limits, setup.offset)
-        return GuidedAssembler(c2_params, setup, c2_law, reaction_s)
-    raise SceneError(
-        f"control.assembly: units that a base station leads drive by 'c1' or 'c2', found {choice.name!r}"
-    )
+    if choice.name not in _LAWS:
+        raise SceneError(
+            f"control.assembly: units that a base station leads drive by 'c1' or 'c2', found {choice.name!r}"
+        )
+    params, law = _law(choice.name, setup, choice.params)
+    return GuidedAssembler(params, setup, law, reaction_s)
 
 
 def route_params(choice: Choice) -> RouteFollowingParams | None:
@@ -64,9 +76,10 @@ def route_params(choice: Choice) -> RouteFollowingParams | None:
     Raises:
         SceneError: The parameters are wrong.
     """
-    kinds: dict[str, type[RouteFollowingParams]] = {"c1": AssemblyParams, "c2": C2AssemblyParams}
-    kind = kinds.get(choice.name)
-    return None if kind is None else read_params(f"assembler {choice.name!r}", kind, choice.params)
+    if choice.name not in _LAWS:
+        return None
+    kind, _ = _LAWS[choice.name]
+    return read_params(f"assembler {choice.name!r}", kind, choice.params)
 
 
 def _decision(result: object, *_: object) -> Twist | GiveUp | None:

@@ -198,9 +198,10 @@ def _camera(told: CameraSpec, spec: CameraDeviations, name: str, draw: _Draw) ->
 def _distortion(
     told: Distortion, pinhole: PinholeCamera, spec: CameraDeviations, name: str, draw: _Draw
 ) -> Distortion:
-    """Draw the distortion of a lens: anew for as long as two points of the scene would appear at one pixel.
+    """Draw the distortion of a lens: up to 50 times while two points of the scene appear at one pixel.
 
-    No lens does that, but of wide ones the coefficients may: at 140 degrees those of one in five.
+    No lens does that, but of wide ones the coefficients may: at 140 degrees those of one in five. With
+    deviations so large that all 50 do, the last one is returned, and refused by what draws through it.
     """
     for again in range(_MOST_LENSES):
         errors = {key: draw.error(spec, key, name, again) for key in COEFFICIENTS}

@@ -13,10 +13,10 @@ import yaml
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.problems import KeyPath, dotted
 
-#: Largest file [characters]: ten times a scene with the largest number of bodies.
-MAX_CHARACTERS = 500_000
+#: Largest file [characters] and number of values: more than a map of all tags of the default family has.
+MAX_CHARACTERS = 1_000_000
 MAX_DEPTH = 24
-MAX_VALUES = 20_000
+MAX_VALUES = 50_000
 #: Longest number [characters], of which double precision uses no more than 17 digits.
 MAX_NUMBER = 40
 #: Longest key [characters].
@@ -57,7 +57,7 @@ def read_text(path: Path) -> str:
         SceneError: The file cannot be read, is too large, or is no text in UTF-8.
     """
     try:
-        with path.open(encoding="utf-8") as file:
+        with path.open(encoding="utf-8-sig") as file:
             text = file.read(MAX_CHARACTERS + 1)  # an endless one would fill the memory
     except UnicodeDecodeError as error:
         raise SceneError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None

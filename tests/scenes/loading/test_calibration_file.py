@@ -59,7 +59,9 @@ def test_files_of_opencv_and_ros_say_the_same(tmp_path: Path) -> None:
     in_yaml = opencv(tmp_path / "opencv.yaml")
     older = tmp_path / "older.yaml"  # OpenCV before version 5 marks its files as YAML 1.0 in a way of its own
     older.write_text("%YAML:1.0\n" + in_yaml.read_text().split("\n", 1)[1])
-    files = [write(tmp_path / "ros.yaml", ros()), in_yaml, older, opencv(tmp_path / "opencv.json")]
+    marked = tmp_path / "marked.yaml"  # as some editors write UTF-8
+    marked.write_text("\ufeff" + in_yaml.read_text(), encoding="utf-8")
+    files = [write(tmp_path / "ros.yaml", ros()), in_yaml, older, marked, opencv(tmp_path / "opencv.json")]
     array = np.array(LENS)  # of one dimension, with a tag of its own since version 5
     files += [opencv(tmp_path / f"array.{form}", array) for form in ("yaml", "json")]
     for file in files:

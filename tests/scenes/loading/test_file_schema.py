@@ -14,7 +14,7 @@ import yaml
 from msrr_scenes.errors import SceneError, UnknownNameError
 from msrr_scenes.loading.file_schema import KINDS, file_schema
 from msrr_scenes.loading.load import LIBRARY
-from msrr_scenes.loading.tag_map_file import write_tag_map
+from msrr_scenes.loading.tag_map_file import read_tag_map, write_tag_map
 from msrr_scenes.loading.target_file import read_target
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.tag_map import MappedTagSpec, TagMapSpec
@@ -121,6 +121,15 @@ def test_a_map_of_tags_agrees_with_its_schema(tmp_path: Path) -> None:
     # JSON has no numbers for keys; editors take those of YAML for texts.
     data = json.loads(json.dumps(yaml.safe_load((tmp_path / "map.yaml").read_text())))
     jsonschema.validate(data, file_schema("tag_map"))
+
+
+@pytest.mark.nightly
+def test_a_map_of_every_tag_of_a_family_is_read_again(tmp_path: Path) -> None:
+    third = 1.0 / 3.0
+    tag = MappedTagSpec(position_m=(third, -third, third), quaternion_xyzw=(0.5, -0.5, 0.5, 0.5))
+    written = TagMapSpec(family="tag36h11", tag_size_m=0.1, reference=3, tags=dict.fromkeys(range(587), tag))
+    write_tag_map(tmp_path / "map.yaml", written)
+    assert read_tag_map(tmp_path / "map.yaml") == written
 
 
 @pytest.mark.parametrize("given", [("unit",), ("marker",), (), ("unit", "marker")])
