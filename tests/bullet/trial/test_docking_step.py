@@ -112,18 +112,42 @@ def test_a_robot_that_is_done_at_the_time_limit_is_in_time(shipped: Load) -> Non
     assert (in_time.outcome, in_time.duration_s) == (Outcome.DOCKED, free.duration_s)
 
 
-@pytest.mark.parametrize("compensation", ["true", "false"])
-def test_a_unit_that_creeps_is_stalled(shipped: Load, compensation: str) -> None:
-    """Pictures that are 500 ms late: the law hardly moves, 3 mm in 2 s, and once stayed in DOCK for 59 s.
+CREEPING = """from msrr_scenes.messages import Twist
+class Creeping:
+    approach_mps = 0.1
+    def __init__(self, setup): ...
+    def reset(self, inputs): ...
+    def step(self, inputs):
+        return Twist(0.0015, 0.0)
+"""
+
+
+def test_a_unit_that_creeps_is_stalled(
+    shipped: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It hardly moves, 3 mm in 2 s where it promises 0.2 m, and once stayed in DOCK for 59 s.
 
     An attempt that gets nowhere lasts a hand-over (2 s), a stall (2 s and the first way) and a retreat that
     is over before it begins: 10 s at most.
     """
-    late = {"cameras.onboard.latency_ms": "500", "control.delay_compensation": compensation}
-    result = run_trial(shipped("close_range", {**IDEAL, **late}), 1)
-    assert result.outcome is not Outcome.TIMEOUT
+    (tmp_path / "creeping_law.py").write_text(CREEPING)
+    monkeypatch.syspath_prepend(tmp_path)
+    result = run_trial(shipped("close_range", {**IDEAL, "control.docking": "creeping_law:Creeping"}), 1)
+    assert result.outcome is Outcome.GAVE_UP
     ends = [0.0, *(attempt.ended_s for attempt in result.steps[0].attempts)]
     assert max(after - before for before, after in pairwise(ends)) < 10.0
+
+
+@pytest.mark.parametrize("latency_ms", [300, 700])
+def test_pictures_that_are_late_cost_little_where_the_delay_is_compensated(
+    shipped: Load, latency_ms: int
+) -> None:
+    """The target counted as lost, or as not seen, for the age of its pictures: it crept, and gave up."""
+    late = {"cameras.onboard.latency_ms": latency_ms, "docking.lost_time_s": 1.5, "docking.verify.time_s": 2}
+    in_time, result = (run_trial(shipped("close_range", {**IDEAL, **more}), 1) for more in ({}, late))
+    assert result.outcome is Outcome.DOCKED
+    assert len(result.steps[0].attempts) == 1
+    assert result.duration_s < in_time.duration_s + 2.0
 
 
 THIRD_UNIT = """
