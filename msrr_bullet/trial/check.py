@@ -8,6 +8,7 @@ from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.render import RENDERERS, RenderContext, build_renderer
 from msrr_bullet.render.raster.bodies import LoadedBodies
 from msrr_bullet.render.raster_renderer import RasterRenderer
+from msrr_bullet.simulation.world import BulletWorld
 from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.mission import begin_planned
 from msrr_bullet.trial.seat_check import check_seats
@@ -72,7 +73,8 @@ def _check(scene: Scene) -> None:
     placement = draw_placement(scene, lambda name: stream(0, name))
     with open_environment(scene, 0, placement, draw_as_built(scene, 0)) as environment:
         world = environment.simulation.world
-        check_views(scene, world if scene.perception == "images" else None)
+        bodies = _drawn(scene, world)
+        check_views(scene, world, bodies)
         if scene.coordinated:
             from msrr_bullet.robot.unit_programs import check_programs
 
@@ -86,8 +88,19 @@ def _check(scene: Scene) -> None:
         if scene.plant == "bullet" and world is not None:
             check_stance(world)
             check_seats(scene, world)
-        if scene.perception == "images" and world is not None:
-            for camera in cameras:
-                renderer = build_renderer(camera.renderer, RenderContext(world.client, camera.samples))
-                if isinstance(renderer, RasterRenderer):
-                    LoadedBodies(world.client)  # reads the meshes that it draws
+
+
+def _drawn(scene: Scene, world: BulletWorld | None) -> LoadedBodies | None:
+    """Build the renderers of a scene, and return the bodies that its raster renderers draw; None without one.
+
+    Raises:
+        GeometryError: A body has a visual shape that cannot be drawn.
+    """
+    if world is None or scene.perception != "images":
+        return None
+    renderers = [
+        build_renderer(camera.renderer, RenderContext(world.client, camera.samples))
+        for camera in (scene.cameras.onboard, scene.cameras.overhead)
+        if camera is not None
+    ]
+    return LoadedBodies(world.client) if any(isinstance(r, RasterRenderer) for r in renderers) else None

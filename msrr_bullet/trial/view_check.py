@@ -26,7 +26,7 @@ from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.specs.scene import Scene
 
 
-def check_views(scene: Scene, world: BulletWorld | None) -> None:
+def check_views(scene: Scene, world: BulletWorld | None, bodies: LoadedBodies | None) -> None:
     """Refuse a scene in which a unit sees no tag of its port as a whole where it needs one.
 
     That is where its approach begins, where it ends, if the seat is verified by sight, and where the next
@@ -34,13 +34,14 @@ def check_views(scene: Scene, world: BulletWorld | None) -> None:
 
     Args:
         scene: The scene.
-        world: The robots as they are drawn; None where nothing hides a tag, as for parametric cameras.
+        world: The world of a trial; None if it needs none.
+        bodies: What is drawn of that world; None where nothing hides a tag, as for parametric cameras.
 
     Raises:
         SceneError: The message names the unit, the port and the place.
         GeometryError: A URDF lacks a frame.
     """
-    bodies = None if world is None else _DrawnUnits(scene, world)
+    drawn = None if world is None or bodies is None else _DrawnUnits(scene, world, bodies)
     for step in docks_by_sight(scene):
         target, setup = TargetModel.from_scene(scene, step), DockSetup.of(scene, step)
         places = [
@@ -58,10 +59,10 @@ def check_views(scene: Scene, world: BulletWorld | None) -> None:
                     f"the camera of {step.unit} has no tag of {step.to} as a whole in its picture {place}; "
                     "turn or move it or the tags, or widen its view"
                 )
-            if bodies is None:
+            if drawn is None:
                 continue
             X_DT = SE3.from_se2(scene.geometry(step.target_unit).dock_frame(step.target_port)).inverse()
-            own, other = bodies.of(step.unit), bodies.of(step.target_unit)
+            own, other = drawn.of(step.unit), drawn.of(step.target_unit)
             shapes = {
                 step.unit: target.X_UC.inverse().act(own.triangles),
                 step.target_unit: (X_CD @ X_DT).act(other.triangles),
@@ -92,10 +93,10 @@ class _DrawnUnit:
 class _DrawnUnits:
     """What a renderer draws of the units of a scene."""
 
-    def __init__(self, scene: Scene, world: BulletWorld) -> None:
+    def __init__(self, scene: Scene, world: BulletWorld, bodies: LoadedBodies) -> None:
         self._scene = scene
         self._world = world
-        self._bodies = LoadedBodies(world.client)
+        self._bodies = bodies
         self._known: dict[str, _DrawnUnit] = {}
 
     def of(self, unit: str) -> _DrawnUnit:
