@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -46,7 +46,7 @@ def coarse_tags(scene: Scene) -> Iterator[str]:
         target, setup = TargetModel.from_scene(scene, step), DockSetup.of(scene, step)
         X_DU = approach_begins(scene, step, setup)
         X_CD = target.X_UC.inverse() @ SE3.from_se2(X_DU).inverse()
-        edge = max(whole_tags(target, X_CD).values(), default=0.0)
+        edge = max(whole_tags(target, X_CD, target.port_tags).values(), default=0.0)
         if edge < _READ_PX * modules:
             place = f"{camera_distance(X_DU, setup):.2f} m from {step.to}, where {step.unit} begins"
             yield f"cameras.onboard: {place} its approach, tags are {_shown(edge, modules)}; {_MEND}"
@@ -84,10 +84,10 @@ def approach_begins(scene: Scene, step: DockStep, setup: DockSetup) -> SE2:
     return (placed[step.target_unit] @ X_TD).inverse() @ placed[step.unit]
 
 
-def whole_tags(target: TargetModel, X_CD: SE3) -> dict[int, float]:
-    """Return the longest edge [px] of each tag of the port that faces the camera, whole in its picture."""
+def whole_tags(target: TargetModel, X_CD: SE3, tags: Iterable[int]) -> dict[int, float]:
+    """Return the longest edge [px] of those of some tags that face the camera, whole in its picture."""
     found = {}
-    for tag_id in target.port_tags:
+    for tag_id in tags:
         p_C = X_CD.act(target.corners_D[tag_id])
         normal = np.cross(p_C[1] - p_C[0], p_C[3] - p_C[0])
         if p_C[:, 2].min() <= 0.0 or normal @ p_C[0] >= 0.0:

@@ -27,10 +27,11 @@ from msrr_scenes.specs.scene import Scene
 
 
 def check_views(scene: Scene, world: BulletWorld | None, bodies: LoadedBodies | None) -> None:
-    """Refuse a scene in which a unit sees no tag of its port as a whole where it needs one.
+    """Refuse a scene in which a unit sees no tag of its port where it needs one.
 
     That is where its approach begins, where it ends, if the seat is verified by sight, and where the next
-    attempt begins. A tag may be outside the picture, or behind another part of the two robots.
+    attempt begins. Such a scene has no tag of the port as a whole in the picture, or has every tag of the
+    target that is in the picture behind another part of the two robots.
 
     Args:
         scene: The scene.
@@ -53,8 +54,7 @@ def check_views(scene: Scene, world: BulletWorld | None, bodies: LoadedBodies | 
         for where, X_DU in places:
             place = f"{where}, {camera_distance(X_DU, setup):.2f} m away"
             X_CD = target.X_UC.inverse() @ SE3.from_se2(X_DU).inverse()
-            in_picture = list(whole_tags(target, X_CD))
-            if not in_picture:
+            if not whole_tags(target, X_CD, target.port_tags):
                 raise SceneError(
                     f"the camera of {step.unit} has no tag of {step.to} as a whole in its picture {place}; "
                     "turn or move it or the tags, or widen its view"
@@ -67,13 +67,17 @@ def check_views(scene: Scene, world: BulletWorld | None, bodies: LoadedBodies | 
                 step.unit: target.X_UC.inverse().act(own.triangles),
                 step.target_unit: (X_CD @ X_DT).act(other.triangles),
             }
-            hiding = {tag: _hiding((X_CD @ X_DT).act(other.tags[tag]), scene, shapes) for tag in in_picture}
+            hiding = {
+                tag: _hiding((X_CD @ X_DT).act(other.tags[tag]), scene, shapes)
+                for tag in whole_tags(target, X_CD, target.tags)
+            }
             if all(hiding.values()):
                 names = {number: slot for slot, number in scene.tag_ids(step.target_unit).items()}
                 hidden = ", ".join(f"{names[tag]} behind {' and '.join(by)}" for tag, by in hiding.items())
                 raise SceneError(
-                    f"the camera of {step.unit} sees no tag of {step.to} as a whole {place}: in its picture "
-                    f"parts of them are hidden ({hidden}); move the camera, the tags or what hides them"
+                    f"the camera of {step.unit} sees no tag of {step.target_unit} as a whole {place}: parts "
+                    f"of those in its picture are hidden ({hidden}); move the camera, the tags or what hides "
+                    "them"
                 )
 
 

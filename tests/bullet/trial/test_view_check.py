@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
@@ -49,8 +48,9 @@ def test_what_hides_every_tag_of_a_port_is_named(tmp_path: Path, name: str, x_m:
     """A plate before the camera of the docking robot, or before the tags of the other one."""
     plate = {f"units.{hider}.urdf": _with_plate(tmp_path, x_m, 0.0, 0.2)}
     scene = load_scene(name, plate)
-    where = rf"no tag of {re.escape(scene.docks[0].to)} as a whole where its approach begins"
-    with pytest.raises(SceneError, match=rf"{where}.*_marker_left behind {hider}, .*_right behind {hider}\)"):
+    where = rf"no tag of {scene.docks[0].target_unit} as a whole where its approach begins"
+    left, right = (f"port_rear_marker_{side} behind {hider}" for side in ("left", "right"))
+    with pytest.raises(SceneError, match=rf"{where}.*{left}, .*{right}[,)]"):
         check_trial(scene)
     check_trial(load_scene(name, {**plate, "perception": "parametric"}))
 
