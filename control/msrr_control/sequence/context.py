@@ -131,6 +131,7 @@ class Aim:
         """Begin on the axis."""
         self.lateral = 0.0
         self._right, self._left = -math.inf, math.inf  # places that the port is between
+        self._stops, self._first = 0, 0.0
 
     def jammed(self, step: float, to_left: bool) -> None:
         """Aim elsewhere after a jam.
@@ -153,16 +154,31 @@ class Aim:
     def stopped(self, step: float, to_left: bool) -> None:
         """Aim elsewhere after the pins have stopped before the holes, where no funnel turns the unit.
 
-        The port is as likely on the one side as on the other: the unit tries both, one after the other.
+        The port is as likely on the one side as on the other: the unit tries both, one after the other, and
+        then both twice as far away, but nothing that jams have ruled out.
 
         Args:
-            step: Way to the first of them [m].
-            to_left: Whether the first of them is to the left.
+            step: Way to the first place; without one it aims at the same again [m].
+            to_left: Whether that place is to the left.
         """
-        if self.lateral:
-            self.lateral = -self.lateral
-        else:
-            self.lateral = step if to_left else -step
+        if not self._stops:
+            self._first = step if to_left else -step
+        farthest = max(-self._right, self._left)
+        for place in self._beside():
+            if abs(place) > farthest:
+                self.lateral = 0.5 * (self._right + self._left)
+            elif place != self.lateral and self._right < place < self._left:
+                self.lateral = place
+            else:
+                continue
+            return
+
+    def _beside(self) -> Iterator[float]:
+        """Yield the places to both sides of the axis that have not been tried, the nearest first [m]."""
+        while self._first:
+            self._stops += 1
+            times = (self._stops + 1) // 2
+            yield times * (self._first if self._stops % 2 else -self._first)
 
 
 @dataclass(slots=True)

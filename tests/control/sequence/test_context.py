@@ -1,7 +1,11 @@
 """What outlasts a decision of the phase machine: timers, the memory of a stay, and the last known gap."""
 
+import math
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
@@ -50,6 +54,30 @@ def test_pins_that_stop_before_the_holes_are_tried_on_both_sides(to_left: bool) 
         aim.stopped(0.003, to_left)
     assert sorted(tried) == [-0.003, 0.0, 0.003]
     assert (tried[1] > 0.0) is to_left
+    for _ in range(2):
+        tried.append(aim.lateral)
+        aim.stopped(0.003, to_left)
+    assert sorted(tried) == [-0.006, -0.003, 0.0, 0.003, 0.006]
+    assert (tried[3] > 0.0) is to_left
+
+
+@given(
+    st.floats(0.001, 0.01),
+    st.lists(st.tuples(st.booleans(), st.booleans()), max_size=20),
+    st.floats(-0.02, 0.02),
+)
+def test_no_place_is_tried_that_jams_have_ruled_out(
+    step: float, contacts: list[tuple[bool, bool]], port: float
+) -> None:
+    """Pins jam or stop anywhere; the funnel turns the unit towards the port."""
+    aim, right, left = Aim(), -math.inf, math.inf
+    for jams, to_left in contacts:
+        if jams:
+            right, left = (aim.lateral, left) if port > aim.lateral else (right, aim.lateral)
+            aim.jammed(step, port > aim.lateral)
+        else:
+            aim.stopped(step, to_left)
+        assert right <= aim.lateral <= left
 
 
 def test_progress_is_a_fall_below_the_best_by_more_than_a_step() -> None:
