@@ -6,6 +6,7 @@ import gc
 import importlib.util
 import os
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 
@@ -54,6 +55,12 @@ def shipped() -> ShippedScene:
         return load_scene(name, {**RENDERING, **CALIBRATION, **(BLIND if blind else {}), **(overrides or {})})
 
     return load
+
+
+@cache
+def shipped_as_is(name: str) -> Scene:
+    """Return a shipped scene as its file has it, read once for all tests."""
+    return load_scene(name)
 
 
 def load_script(path: Path) -> ModuleType:

@@ -281,8 +281,8 @@ def run_or_stop(scene: Scene, seed: int) -> TrialResult | None:
 
 
 def test_a_sample_of_generated_scenes_is_checked(tmp_path: Path) -> None:
-    kept = sum(accepted(tmp_path, seed) is not None for seed in range(60))
-    assert 8 <= kept <= 40  # the generator makes both kinds
+    kept = sum(accepted(tmp_path, seed) is not None for seed in range(30))
+    assert 4 <= kept <= 20  # the generator makes both kinds
 
 
 @pytest.mark.nightly

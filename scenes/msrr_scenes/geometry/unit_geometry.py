@@ -71,9 +71,10 @@ def find_urdf(name: str, beside: Path | None = None) -> Path:
         SceneError: None of these folders holds the file.
     """
     first = urdf_folder() if beside == library_folder() else beside
-    for folder in ([first] if first else []) + [Path.cwd(), urdf_folder()]:
-        path = folder / name
-        if path.is_file():
+    if first is not None and (path := first / name).is_file():
+        return path
+    for folder in (Path.cwd(), urdf_folder()):
+        if (path := folder / name).is_file():
             return path
     raise SceneError(f"no URDF named {name!r} beside the scene, in the working folder or in {urdf_folder()}")
 

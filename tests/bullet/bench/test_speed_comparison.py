@@ -33,6 +33,7 @@ def found() -> SpeedComparison:
     return read_comparison(STORED)
 
 
+@pytest.mark.nightly  # and `make bench` in every run of continuous integration
 def test_a_grade_is_measured_and_compared(found: SpeedComparison, tmp_path: Path, capsys: Capture) -> None:
     """Perfect robots cost less than ever before, so that once is enough, and the exit code is 0."""
     earlier = found.variants["perfect"].model_copy(update={"physics_alone_ms_per_s": 1e-6})

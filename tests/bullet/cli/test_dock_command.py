@@ -101,7 +101,7 @@ def test_a_user_s_class_in_the_current_folder_that_fails_is_bad_input(
     assert done.stderr.startswith(f"msrr: {says}")
     assert "report" not in done.stderr
 
-    # Replays and sweeps start processes of their own, in which the class runs.
+    # A replay starts a process of its own, in which the class runs.
     assert run(["replay", "run"]) == 2
     assert "the log names broken_law:Law by import path" in capsys.readouterr().err
     assert run(["replay", "run", "--trust"]) == 0
@@ -109,6 +109,14 @@ def test_a_user_s_class_in_the_current_folder_that_fails_is_bad_input(
     assert "run: identical" in out
     assert err == ""
 
+
+@pytest.mark.nightly
+def test_a_user_s_class_that_fails_in_a_sweep_is_bad_input(
+    short_trial: list[str], tmp_path: Path, capsys: Capture
+) -> None:
+    """The workers of the sweep import it from the current folder, too."""
+    (tmp_path / "broken_law.py").write_text(BROKEN)
+    law = [*short_trial, "--set", "control.docking=broken_law:Law"]
     assert run(["sweep", "close_range", *law, "--seeds", "0:3", "--jobs", "1", "--json", "-"]) == 2
     out, err = capsys.readouterr()
     assert "the program of the unit failed in 3 of 3 trials" in err

@@ -29,13 +29,22 @@ def test_a_log_that_ends_early_is_not_taken_for_a_whole_one(
     found = re.search(r"identical up to (\d\.\d{3}) s, where the log ends early", capsys.readouterr().out)
     assert found
     said = f"{tmp_path / LOG_NAME}: the log ends early, at {found[1]} s\n"
-    small = ["--size", "320x240", "--speed", "100"]
-    for command in (["export", "--csv"], ["frames", "--count", "1"], ["film", *small]):
+    for command in (["export", "--csv"], ["frames", "--count", "1"]):
         assert run([command[0], str(tmp_path), *command[1:]]) == 0
         assert capsys.readouterr().err == said
-        if command[0] != "film":  # which takes as long as all the others
-            assert run([command[0], str(short_run), *command[1:], "--out", f"whole{command[0]}"]) == 0
-            assert capsys.readouterr().err == ""
+
+
+@pytest.mark.nightly
+def test_of_a_whole_log_and_in_a_film_as_well(
+    short_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = (short_run / LOG_NAME).read_bytes()
+    (tmp_path / LOG_NAME).write_bytes(content[: len(content) // 2])
+    assert run(["film", str(tmp_path), "--size", "320x240", "--speed", "100"]) == 0
+    assert capsys.readouterr().err.startswith(f"{tmp_path / LOG_NAME}: the log ends early, at ")
+    for command in (["export", "--csv"], ["frames", "--count", "1"]):
+        assert run([command[0], str(short_run), *command[1:], "--out", f"whole{command[0]}"]) == 0
+        assert capsys.readouterr().err == ""
     assert run(["replay", str(short_run)]) == 0
 
 

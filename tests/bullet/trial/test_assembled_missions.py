@@ -170,7 +170,7 @@ plan: [{unit: a, to: b.rear}]
 @pytest.mark.parametrize(
     ("off_m", "perception"),
     [
-        (-0.005, "parametric"),
+        pytest.param(-0.005, "parametric", marks=pytest.mark.nightly),
         pytest.param(-0.005, "images", marks=pytest.mark.nightly),
         pytest.param(0.005, "images", marks=pytest.mark.nightly),
     ],

@@ -8,6 +8,7 @@ from msrr_bullet.run import run_trial
 from msrr_bullet.trial.camera_views import coarse_tags
 from msrr_bullet.trial.result import Outcome
 from msrr_scenes.loading.load import load_scene, shipped_scenes
+from tests.conftest import shipped_as_is
 
 
 def _camera(name: str, width_px: int) -> dict[str, object]:
@@ -16,7 +17,7 @@ def _camera(name: str, width_px: int) -> dict[str, object]:
 
 def test_the_cameras_of_shipped_scenes_show_their_tags_large_enough() -> None:
     for name in shipped_scenes():
-        assert not list(coarse_tags(load_scene(name)))
+        assert not list(coarse_tags(shipped_as_is(name)))
 
 
 def test_the_tag_of_an_obstacle_is_too_small_before_those_of_units_are() -> None:

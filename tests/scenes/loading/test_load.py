@@ -279,7 +279,7 @@ def test_numbers_and_texts_are_bounded_in_length(tmp_path: Path, old: str, new: 
 
 
 def test_an_endless_file_is_refused() -> None:
-    with pytest.raises(SceneError, match="/dev/zero: a file of more than 500000 characters is refused"):
+    with pytest.raises(SceneError, match="/dev/zero: a file of more than 1000000 characters is refused"):
         read_document(Path("/dev/zero"))
 
 
