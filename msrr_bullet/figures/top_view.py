@@ -109,16 +109,12 @@ def _draw_paths(axes: Axes, snapshots: Sequence[Snapshot]) -> None:
 
 
 def _name_obstacles(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) -> None:
-    (low, high), _ = extent(scene, snapshots)
     for name, X in snapshots[-1].obstacles.items():
         spec = scene.obstacles[name]
-        label = name if spec.tag_id is None else f"{name} (tag {spec.tag_id})"
-        side = 1.0 if X.x < 0.5 * (low + high) else -1.0  # towards the middle, where there is room
-        position = (X.x + side * (spec.radius_m + 0.02), X.y)
         axes.annotate(
-            label,
-            position,
-            ha="left" if side > 0.0 else "right",
+            name if spec.tag_id is None else f"{name}\ntag {spec.tag_id}",
+            (X.x, X.y),
+            ha="center",
             va="center",
             fontsize=7,
             bbox={"facecolor": "white", "alpha": 0.6, "linewidth": 0.0, "pad": 0.5},
