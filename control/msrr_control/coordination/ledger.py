@@ -33,7 +33,7 @@ class UnitRecord:
         seen_ns: Time of the exposure in which it was seen last.
         report: Newest report; None before the first.
         heard_ns: Time at which the unit was last heard.
-        state: What the unit is held for.
+        state: What the unit counts as.
         task: Task that it has or had last; None before the first.
         route: Number of its route.
         order: Place of its route among all routes.

@@ -44,7 +44,7 @@ class Watch:
         return near and abs(wrap_angle(X.yaw)) <= self._patience.arrived_rad
 
     def is_lost(self, unit: UnitRecord, now_ns: int) -> str | None:
-        """Return why a unit under way is held for failed, None if it is not."""
+        """Return why a unit under way counts as failed, None if it is not."""
         unheard = seconds(now_ns - max(unit.heard_ns, unit.granted_ns))
         if unheard > self._patience.unheard_s:
             return f"not heard for {unheard:.0f} s"

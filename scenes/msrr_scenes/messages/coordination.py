@@ -162,7 +162,7 @@ class UnitStatus:
 
     Attributes:
         unit: Name of the unit.
-        state: What it is held for.
+        state: What it counts as.
         task: Task that the unit has or had last, None before the first.
         route: Number of its route, 0 before the first.
         order: Place of its route in the order of the routes: a later one keeps out of what an earlier one
