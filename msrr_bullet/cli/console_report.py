@@ -88,7 +88,7 @@ def mission_table(result: TrialResult, mission: MissionFigures) -> Table:
     ways = ", ".join(f"{unit} {way:.2f}" for unit, way in mission.way_m.items())
     pair, clearance = mission.nearest_pair, _metres(mission.min_clearance_m)
     table.add_row("verdict", _verdict(result))
-    table.add_row("reason", Text(mission.reason))
+    table.add_row("reason", Text(result.reason))
     table.add_row("last lock", _UNKNOWN if mission.makespan_s is None else f"{mission.makespan_s:.2f} s")
     table.add_row("way driven", Text(f"{mission.total_way_m:.2f} m ({ways})"))
     table.add_row("two or more under way", f"{100 * mission.parallel_share:.0f} % of the time in motion")

@@ -92,8 +92,7 @@ def dock(
             with suppress(EOFError):  # of Ctrl-D
                 console.input("What is shown stays until you press Enter. ")
     if result.outcome is Outcome.PROGRAM_FAILED:
-        failed = next((s for s in result.steps if s.outcome is Outcome.PROGRAM_FAILED), None)
-        raise typer.Exit(report_error(result.reason if failed is None else failed.belief_reason, BAD_INPUT))
+        raise typer.Exit(report_error(result.reason, BAD_INPUT))
     raise typer.Exit(0 if result.docked else NOT_DOCKED)
 
 

@@ -82,7 +82,7 @@ def _step_cells(step: StepResult) -> Row:
     error = None if contact is None else contact.estimate_error
     return (
         *(step.index, step.unit, step.target, step.undocks, step.outcome, step.belief),
-        *(step.verdict_reason or step.belief_reason, step.started_s, step.ended_s, len(step.attempts)),
+        *(step.reason, step.started_s, step.ended_s, len(step.attempts)),
         *((contact.time_s, contact.lateral_m, contact.yaw_rad) if contact else (None,) * 3),
         *((error.y_m, error.yaw_rad) if error else (None,) * 2),
         *((seating.seated, seating.axial_gap_m) if seating else (None,) * 2),

@@ -11,6 +11,7 @@ from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.judge import Judge
+from msrr_bullet.trial.verdict import Verdict
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.outcome import Outcome
 
@@ -23,20 +24,18 @@ class Safety:
     """What the judge of the arena found at one control instant.
 
     Attributes:
-        outcome: Outcome that ends the trial; None while nothing does.
-        units: Units whose doing it is; empty without an outcome.
-        reason: What happened, in words; empty without an outcome.
+        verdict: What ends the trial; None while nothing does.
+        units: Units whose doing it is; empty without a verdict.
         nearest: Smallest clearance of all pairs that are not exempt, which the log holds and every display
             shows; None without such a pair, or if it does not matter.
     """
 
-    outcome: Outcome | None
+    verdict: Verdict | None
     units: frozenset[str]
-    reason: str
     nearest: Clearance | None
 
 
-_SAFE = Safety(None, frozenset(), "", None)
+_SAFE = Safety(None, frozenset(), None)
 
 
 class ArenaJudge:
@@ -64,14 +63,14 @@ class ArenaJudge:
         Args:
             poses: True poses of all bodies at this instant.
             judges: Judges of the steps under way, after the decisions of their robots.
-            matters: Clearance below which somebody wants to know it [m]; the outcome is found in any case.
+            matters: Clearance below which somebody wants to know it [m]; the verdict is found in any case.
         """
         appeared = poses.keys() - self._there - set(self._units)
         self._there |= appeared
         opened = self._locked.opened(self._plant)
         if opened is not None:
             said = f"the lock of {opened.unit} holds {opened.to} no longer"
-            return Safety(Outcome.LOCK_FAILED, frozenset({opened.unit}), said, None)
+            return Safety(Verdict(Outcome.LOCK_FAILED, said), frozenset({opened.unit}), None)
         docking = {judge.pair: judge for judge in judges if judge.docking}
         exempt = self._locked.pairs | {pair for pair, judge in docking.items() if judge.may_be_near()}
         limit = self._limit
@@ -83,7 +82,7 @@ class ArenaJudge:
             said = f"{one} touched {other}{beside} at ({x:.2f}, {y:.2f}) m"
             if other in appeared:
                 said = f"{other} appeared where {one} stood, at ({x:.2f}, {y:.2f}) m"
-            return Safety(Outcome.COLLISION, nearest.pair, said, nearest)
+            return Safety(Verdict(Outcome.COLLISION, said), nearest.pair, nearest)
         tested, limits = nearest, None
         while tested is not None and tested.distance < limit:
             limits = _neighbour_limits(docking.values()) if limits is None else limits
@@ -92,7 +91,7 @@ class ArenaJudge:
                 said = f"{one} came within {1e3 * tested.distance:.0f} mm of {other}"
                 if other in appeared:
                     said = f"{other} appeared within {1e3 * tested.distance:.0f} mm of {one}"
-                return Safety(Outcome.CLEARANCE_VIOLATED, tested.pair, said, nearest)
+                return Safety(Verdict(Outcome.CLEARANCE_VIOLATED, said), tested.pair, nearest)
             exempt.add(tested.pair)
             tested = self._clearance.minimum(poses, exempt, below)
         (x_min, x_max), (y_min, y_max) = self._arena.x_m, self._arena.y_m
@@ -100,8 +99,8 @@ class ArenaJudge:
             X_WU = poses[unit]
             if not (x_min <= X_WU.x <= x_max and y_min <= X_WU.y <= y_max):
                 said = f"{unit} left the arena at ({X_WU.x:.2f}, {X_WU.y:.2f}) m"
-                return Safety(Outcome.LEFT_ARENA, frozenset({unit}), said, nearest)
-        return _SAFE if nearest is None else Safety(None, frozenset(), "", nearest)
+                return Safety(Verdict(Outcome.LEFT_ARENA, said), frozenset({unit}), nearest)
+        return _SAFE if nearest is None else Safety(None, frozenset(), nearest)
 
     def _in_order(self, near: Clearance, docking: Mapping[Pair, Judge]) -> list[str]:
         """Return the two bodies: the unit that docks first, then other units, then obstacles."""

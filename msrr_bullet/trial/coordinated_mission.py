@@ -21,13 +21,13 @@ from msrr_bullet.trial.mission_figures import MissionRecord
 from msrr_bullet.trial.result import MissionFigures
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.unit_runner import UnitRunner
+from msrr_bullet.trial.verdict import Verdict
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, Detections, GlobalPose
 from msrr_scenes.messages.coordination import MissionState
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.mission import RadioSpec
-from msrr_scenes.specs.plan import DockStep
 
 #: Steps of the base station per second [Hz].
 _BASE_RATE_HZ = 10.0
@@ -90,7 +90,7 @@ class CoordinatedMission(Mission):
             self._run_base(now_ns)
         except ProgramFailedError as error:
             self._telemetry.event(now_ns, "base_station", str(error), Level.ERROR)
-            self._end(Outcome.PROGRAM_FAILED, str(error))
+            self._end(Verdict(Outcome.PROGRAM_FAILED, str(error)))
             return
         arrived = self._radio.arrived_at_units(now_ns)
         for unit, member in self._members.items():
@@ -130,7 +130,6 @@ class CoordinatedMission(Mission):
                 member.runner.stop()
         ended = self._judge(now_ns)
         if ended is None:
-            self.record.reason = self.stop_reason
             return
         for step in ended:
             member = self._members[step.step.unit]
@@ -138,10 +137,11 @@ class CoordinatedMission(Mission):
             self.record.ended(now_ns, step)
         status = self._base.program.status
         if now_ns >= self._deadline_ns:
-            self._end(Outcome.TIMEOUT, "the time is up")
+            limit = f"the time limit of {self._scene.time_limit_s:g} s is over"
+            self._end(Verdict(Outcome.TIMEOUT, limit))
         elif status.state is not MissionState.RUNNING and not self._anybody_moves():
             complete = status.state is MissionState.COMPLETE
-            self._end(Outcome.COMPLETE if complete else Outcome.INCOMPLETE, status.reason)
+            self._end(Verdict(Outcome.COMPLETE if complete else Outcome.INCOMPLETE, status.reason))
 
     def _anybody_moves(self) -> bool:
         return any(member.runner.running for member in self._members.values())
@@ -154,7 +154,7 @@ class CoordinatedMission(Mission):
         last = runner.decide(now_ns)
         if member.begun != (robot.route, robot.leaving):
             if member.step is not None:
-                member.step.end(Outcome.ABORTED)
+                member.step.end(Verdict(Outcome.ABORTED))
                 self._retire(member.step, now_ns)
             member.begun = (robot.route, robot.leaving)
             self._begin_step(member)
@@ -202,18 +202,3 @@ class CoordinatedMission(Mission):
     def figures(self) -> MissionFigures:
         """Return the figures of a mission that has ended."""
         return self.record.figures(self._base.program.status, self._radio.sent, self._radio.lost)
-
-    def _note_lock_failure(self, dock: DockStep) -> None:
-        super()._note_lock_failure(dock)
-        self.record.reason = (
-            f"the lock of {dock.unit} at {dock.to}, closed since the start, failed the pull test"
-        )
-
-    def _end(self, outcome: Outcome, reason: str) -> None:
-        """End the mission and all steps that are under way."""
-        active, self._active = self._active, []
-        for step in active:
-            step.end(Outcome.TIMEOUT if outcome is Outcome.TIMEOUT else Outcome.ABORTED)
-            self._telemetry.verdict(self._plant.now_ns(), step)
-        self.outcome, self._over = outcome, True
-        self.record.reason = reason

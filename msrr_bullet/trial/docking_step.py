@@ -18,6 +18,7 @@ from msrr_bullet.trial.judge import Judge
 from msrr_bullet.trial.step_result import AssemblyFigures, AttemptRecord, PlanarPose, Seating, StepResult
 from msrr_bullet.trial.step_result import Belief as BeliefName
 from msrr_bullet.trial.unit_runner import UnitRunner
+from msrr_bullet.trial.verdict import Verdict
 from msrr_scenes.messages import Action, Belief, Conviction, LockPosition, Phase, Twist, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.faults import PortPlugged
@@ -51,8 +52,7 @@ class DockingStep:
         robot: The robot of the unit.
         runner: Lets the robot sense and act.
         min_clearance: Smallest clearance of all bodies that was noted [m]; infinite before one was.
-        outcome: Outcome; None while the step is under way.
-        verdict_reason: Why the judge ended the step, where the robot did not; else empty.
+        verdict: Verdict of the judge; None while the step is under way.
     """
 
     def __init__(
@@ -97,8 +97,12 @@ class DockingStep:
         self._closed = self._engaged = False
         self._pull_test_passed: bool | None = None
         self._belief = Belief()
-        self.outcome: Outcome | None = None
-        self.verdict_reason = ""
+        self.verdict: Verdict | None = None
+
+    @property
+    def outcome(self) -> Outcome | None:
+        """Outcome of the step; None while it is under way."""
+        return None if self.verdict is None else self.verdict.outcome
 
     @property
     def action(self) -> Action:
@@ -133,17 +137,18 @@ class DockingStep:
         timed_out = now_ns >= self._deadline_ns
         if self.robot.failure is not None:
             if self._has_stopped(now_ns) or timed_out:
-                self.end(Outcome.PROGRAM_FAILED)
+                self.end(Verdict(Outcome.PROGRAM_FAILED))
         elif self.action.phase is Phase.DONE:
-            self._end_as_believed()
+            self.end(self._verdict_done())
         elif self.action.phase is Phase.FAILED:
             self.end(self._verdict_gave_up())
         elif timed_out:
-            self.end(Outcome.TIMEOUT, f"the time limit of {self._scene.time_limit_s:g} s is over")
-        return self.outcome is not None
+            limit = f"the time limit of {self._scene.time_limit_s:g} s is over"
+            self.end(Verdict(Outcome.TIMEOUT, limit))
+        return self.verdict is not None
 
-    def end(self, outcome: Outcome, reason: str = "") -> None:
-        """End the step with an outcome, for a reason of the judge; the unit is commanded to stand still."""
+    def end(self, verdict: Verdict) -> None:
+        """End the step with a verdict; the unit is commanded to stand still."""
         plant, unit = self._plant, self.step.unit
         self._attempts.append(self._record(self.action, self.action.reason))
         self._seating = self.judge.seating()
@@ -151,23 +156,21 @@ class DockingStep:
         self._engaged = plant.lock_engaged(unit)
         plant.command(unit, Twist())
         self._belief = self.robot.belief
-        self.outcome, self.verdict_reason = outcome, reason
+        self.verdict = verdict
         for camera, tally in (("onboard", self._onboard), ("overhead", self._overhead)):
             if warning := tally.warning(camera):
                 now_ns = plant.now_ns()
                 self._recorder.write(topics.EVENTS, now_ns, Event(now_ns, unit, warning, Level.WARNING))
 
-    def _end_as_believed(self) -> None:
-        """End a step of which the robot believes that it has docked, or undocked."""
+    def _verdict_done(self) -> Verdict:
+        """Return the verdict on a robot that believes that it has docked, or undocked."""
         if self.undocks:
-            self.end(Outcome.UNDOCKED if self._has_parted() else Outcome.STUCK)
-            return
-        self.end(Outcome.DOCKED)
-        self.outcome = self.judge.verdict_docked(self._seating, self._engaged, pull_passed=True)
+            return Verdict(Outcome.UNDOCKED if self._has_parted() else Outcome.STUCK)
+        return self.judge.verdict_docked(self._plant.lock_engaged(self.step.unit))
 
-    def _verdict_gave_up(self) -> Outcome:
+    def _verdict_gave_up(self) -> Verdict:
         if self.undocks:
-            return Outcome.GAVE_UP if self._has_parted() else Outcome.STUCK
+            return Verdict(Outcome.GAVE_UP if self._has_parted() else Outcome.STUCK)
         return self.judge.verdict_gave_up(self.robot.belief.setback, self.runner.ever_detected)
 
     def _has_parted(self) -> bool:
@@ -187,7 +190,7 @@ class DockingStep:
         self._pull_test_passed = plant.lock_engaged(self.step.unit) and plant.pull_test(self.step.unit).holds
         if self._pull_test_passed:
             return
-        self.outcome = self.judge.verdict_docked(self._seating, self._engaged, pull_passed=False)
+        self.verdict = Verdict(Outcome.LOCK_FAILED, "the lock failed the pull test")
         end_ns = plant.now_ns() + duration_ns(_WATCH_S)
         while plant.now_ns() < end_ns:
             now_ns = plant.now_ns()
@@ -200,16 +203,16 @@ class DockingStep:
 
     def result(self) -> StepResult:
         """Return the result of a step that has ended."""
-        assert self.outcome is not None, "the step has ended"
+        assert self.verdict is not None, "the step has ended"
         belief = self._belief
         return StepResult(
             index=self.index,
             unit=self.step.unit,
             port=self.step.port,
             target=self.step.to,
-            outcome=self.outcome,
+            outcome=self.verdict.outcome,
             belief=_BELIEFS.get(belief.conviction, "undecided"),
-            verdict_reason=self.verdict_reason,
+            verdict_reason=self.verdict.reason,
             belief_reason=belief.reason or self._attempts[-1].reason,
             started_s=seconds(self._started_ns),
             attempts=tuple(self._attempts),

@@ -13,6 +13,7 @@ from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.port_pose import DockingZone, PortPose
 from msrr_bullet.trial.step_result import Contact, PlanarPose, Seating
+from msrr_bullet.trial.verdict import Verdict
 from msrr_scenes.geometry.pin_and_hole import PinAndHole
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.geometry.se3 import SE3
@@ -232,30 +233,42 @@ class Judge:
         X_WU, X_WT = self._plant.pose(self._unit), self._plant.pose(self._target)
         return self._clearance.within(self._unit, X_WU, self._target, X_WT, distance)
 
-    def verdict_docked(self, seating: Seating | None, engaged: bool, pull_passed: bool) -> Outcome:
-        """Return the outcome for a robot that believes it is docked."""
-        if seating is None or not seating.seated or not engaged:
-            return Outcome.FALSE_DOCK
-        return Outcome.DOCKED if pull_passed else Outcome.LOCK_FAILED
+    def verdict_docked(self, engaged: bool) -> Verdict:
+        """Return the verdict on a robot that believes it is docked, before the pull test.
 
-    def verdict_gave_up(self, reason: FailureReason | None, ever_detected: bool) -> Outcome:
-        """Return the outcome for a robot that gave up.
+        Args:
+            engaged: Whether the lock holds the other unit.
+        """
+        seating = self.seating()
+        if seating is None:
+            return Verdict(Outcome.FALSE_DOCK, "the unit is not at the port")
+        if not seating.seated:
+            gap, side = 1e3 * seating.axial_gap_m, 1e3 * seating.lateral_m
+            off = (
+                f"{gap:.1f} mm before the end, {side:.1f} mm and {math.degrees(seating.yaw_rad):.1f} deg off"
+            )
+            return Verdict(Outcome.FALSE_DOCK, f"the pins are not seated: {off}")
+        return Verdict(Outcome.DOCKED) if engaged else Verdict(Outcome.FALSE_DOCK, "the lock holds nothing")
+
+    def verdict_gave_up(self, reason: FailureReason | None, ever_detected: bool) -> Verdict:
+        """Return the verdict on a robot that gave up.
 
         Args:
             reason: Reason of the robot for giving up.
             ever_detected: Whether the target was detected at least once in this step.
         """
         if self._was_seated:
-            return Outcome.FALSE_ABORT
+            return Verdict(Outcome.FALSE_ABORT)
         contact, deepest = self.contact_in(self._attempt), self._deepest_pose
         if reason is FailureReason.BLOCKED and contact is None:
-            return Outcome.BLOCKED
+            return Verdict(Outcome.BLOCKED)
         if reason is FailureReason.SEIZED:
-            return Outcome.GAVE_UP
+            return Verdict(Outcome.GAVE_UP)
         if not ever_detected:
-            return Outcome.NEVER_DETECTED
+            return Verdict(Outcome.NEVER_DETECTED)
         if contact is None or deepest is None:
-            return Outcome.TARGET_LOST if reason is FailureReason.TARGET_LOST else Outcome.GAVE_UP
+            lost = reason is FailureReason.TARGET_LOST
+            return Verdict(Outcome.TARGET_LOST if lost else Outcome.GAVE_UP)
         straight = abs(deepest.yaw) <= IN_LINE_YAW_RAD
         in_line = straight and abs(deepest.lateral) <= IN_LINE_PLAYS * self._play
-        return Outcome.NOT_SEATED if in_line else Outcome.JAMMED
+        return Verdict(Outcome.NOT_SEATED if in_line else Outcome.JAMMED)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 from msrr_bullet.log.records import JUDGE, Level
 from msrr_bullet.profiler import Profiler
@@ -21,18 +21,19 @@ from msrr_bullet.trial.result import MissionFigures
 from msrr_bullet.trial.step_result import StepResult
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.unit_runner import UnitRunner
+from msrr_bullet.trial.verdict import Verdict
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.specs.plan import DockStep, in_order
+from msrr_scenes.specs.plan import in_order
 
 
 class Mission(ABC):
     """A loop in which units sense and act, then the physics advances until something is due again.
 
     Attributes:
-        outcome: Outcome that is not that of a step: what endangered bodies, or what became of the mission as
-            a whole; None while there is none.
-        stop_reason: Why the judge stopped the mission; empty while it did not.
+        ended: What ended the mission, where that was not the end of a step: danger, the time limit, or the
+            base station; None while nothing did.
+        failed_lock: Which lock, closed since the start, has failed the pull test; None while none has.
         ended_ns: Time at which the mission ended, before the locks are pulled.
     """
 
@@ -48,12 +49,12 @@ class Mission(ABC):
         self._active: list[DockingStep] = []
         self._unparted: list[Judge] = []  # of steps that have ended, their units not yet clear of the port
         self._over = False
-        self.outcome: Outcome | None = None
-        self.stop_reason = ""
+        self.ended: Verdict | None = None
+        self.failed_lock: str | None = None
         self.ended_ns = 0
 
-    def run(self, check_clock: Callable[[], None] = lambda: None) -> tuple[StepResult, ...]:
-        """Run until nothing is under way and nothing may begin; return the results of all steps that began.
+    def run(self, check_clock: Callable[[], None] = lambda: None) -> None:
+        """Run until nothing is under way and nothing may begin.
 
         The locks are pulled at the end, when no unit can be disturbed by it.
 
@@ -78,6 +79,9 @@ class Mission(ABC):
         self.ended_ns = plant.now_ns()
         with profiler("physics"):
             self._test_locks()
+
+    def results(self) -> tuple[StepResult, ...]:
+        """Return the results of all steps that began, in the order of the plan."""
         return tuple(step.result() for step in sorted(self._begun, key=lambda step: step.index))
 
     def _test_locks(self) -> None:
@@ -88,11 +92,11 @@ class Mission(ABC):
             if step.outcome is Outcome.DOCKED and step not in closed.values():  # the unit has left again
                 self._telemetry.verdict(plant.now_ns(), step)
         for dock, last in closed.items():
-            if last is None:  # the pair was assembled at the start: it has a verdict only if it contradicts
-                if self.outcome in (Outcome.COMPLETE, Outcome.INCOMPLETE) and not (
-                    plant.lock_engaged(dock.unit) and plant.pull_test(dock.unit).holds
-                ):
-                    self._note_lock_failure(dock)
+            if last is None:  # the pair was assembled at the start: no step has closed its lock
+                if not (plant.lock_engaged(dock.unit) and plant.pull_test(dock.unit).holds):
+                    lock = f"the lock of {dock.unit} at {dock.to}, closed since the start,"
+                    self.failed_lock = f"{lock} failed the pull test"
+                    self._telemetry.event(plant.now_ns(), JUDGE, f"{dock}: lock_failed", Level.WARNING)
             elif last.outcome is Outcome.DOCKED:
                 last.test_lock(self._control, self._report_truth)
                 self._telemetry.verdict(plant.now_ns(), last)
@@ -104,11 +108,6 @@ class Mission(ABC):
     def _report_truth(self, now_ns: int) -> None:
         """Report where all bodies are at an instant after the end of the mission."""
         self._telemetry.report(self._scene, now_ns, self._environment.simulation.poses(), (), None)
-
-    def _note_lock_failure(self, dock: DockStep) -> None:
-        """Note that the lock of a pair that was assembled at the start has not held the pull."""
-        self.outcome = Outcome.LOCK_FAILED
-        self._telemetry.event(self._plant.now_ns(), JUDGE, f"{dock}: lock_failed", Level.WARNING)
 
     def _observer(self) -> Callable[[], None] | None:
         """Return what is called after every tick until the next control instant, if anything has to be."""
@@ -155,8 +154,8 @@ class Mission(ABC):
             if safety.nearest is not None:
                 step.note_clearance(safety.nearest.distance)
         self._note(now_ns, poses, safety)
-        if safety.outcome is not None:
-            self._abort(safety, safety.outcome)
+        if safety.verdict is not None:
+            self._end(safety.verdict, safety.units)
             return None
         ended = [step for step in self._active if step.end_if_over(now_ns)]
         for step in ended:
@@ -182,20 +181,22 @@ class Mission(ABC):
         with self._profiler("log"):
             self._telemetry.report(self._scene, now_ns, poses, self._active, safety.nearest)
 
-    def _abort(self, safety: Safety, outcome: Outcome) -> None:
-        """End all steps; those whose units are to blame get the outcome."""
-        active, self._active = self._active, []
-        self.outcome, self.stop_reason, self._over = outcome, safety.reason, True
-        judged = list(active)
-        for step in active:
-            step.end(outcome if step.step.unit in safety.units else Outcome.ABORTED, safety.reason)
-        for step in self._newest_dockings().values() if outcome is Outcome.LOCK_FAILED else ():
-            if step.step.unit in safety.units:
-                step.outcome, step.verdict_reason = outcome, safety.reason
-                judged.append(step)
-        if active and not any(step.outcome is outcome for step in self._begun):
-            active[0].outcome = outcome  # no unit under way is to blame: the first one stands for the trial
-        for step in dict.fromkeys(judged):
+    def _end(self, verdict: Verdict, units: Collection[str] = ()) -> None:
+        """End the mission and all steps: they are aborted, but for those of the units whose doing it is.
+
+        A lock that has opened fails the step that had closed it, which has ended before.
+        """
+        judged, self._active = self._active, []
+        self.ended, self._over = verdict, True
+        for step in judged:
+            own = step.step.unit in units
+            step.end(verdict if own else Verdict(Outcome.ABORTED, verdict.reason))
+        if verdict.outcome is Outcome.LOCK_FAILED:
+            closed = [step for unit, step in self._newest_dockings().items() if unit in units]
+            for step in closed:
+                step.verdict = verdict
+            judged = [*judged, *closed]
+        for step in judged:
             self._telemetry.verdict(self._plant.now_ns(), step)
 
 

@@ -21,13 +21,11 @@ class MissionRecord:
     """Collects the figures while a mission is under way.
 
     Attributes:
-        reason: Why the mission ended.
         min_clearance: Smallest clearance so far [m]; infinite before the first.
     """
 
     def __init__(self, units: tuple[str, ...]) -> None:
         """Begin with nobody having moved."""
-        self.reason = ""
         self._way = dict.fromkeys(units, 0.0)
         self._poses: dict[str, SE2] = {}
         self._stamp_ns = 0
@@ -69,7 +67,6 @@ class MissionRecord:
             lost: Number of messages lost.
         """
         return MissionFigures(
-            reason=self.reason,
             makespan_s=self._last_lock_s,
             way_m=self._way,
             parallel_share=self._moving_s[1] / self._moving_s[0] if self._moving_s[0] > 0.0 else 0.0,

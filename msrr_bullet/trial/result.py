@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Self
 
 from pydantic import Field, ValidationError
 
 from msrr_bullet.trial.step_result import Distance, Record, StepResult
+from msrr_bullet.trial.verdict import decisive_step
 from msrr_bullet.trial.versions import trial_versions
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.html import html_table
@@ -25,7 +25,6 @@ class MissionFigures(Record):
     """The figures of a mission that a base station led.
 
     Attributes:
-        reason: Why the mission ended.
         makespan_s: Time of the last lock [s]; None if nobody docked.
         way_m: Way that each unit has driven [m].
         parallel_share: Share of the time with any motion in which two units or more moved.
@@ -39,7 +38,6 @@ class MissionFigures(Record):
         nearest_pair: That pair, ``<body>-<body>``; empty when there was none.
     """
 
-    reason: str
     makespan_s: Distance | None
     way_m: dict[str, Distance]
     parallel_share: Annotated[float, Field(ge=0.0, le=1.0)]
@@ -57,16 +55,6 @@ class MissionFigures(Record):
         return sum(self.way_m.values())
 
 
-def decisive_step(steps: Sequence[StepResult]) -> StepResult:
-    """Return the first step to end without success; the last one if all have succeeded.
-
-    A step that was aborted decides nothing, for it ended because of something else.
-    """
-    failed = [step for step in steps if not step.succeeded and step.outcome is not Outcome.ABORTED]
-    succeeded = [step for step in steps if step.succeeded]
-    return min(failed, key=lambda step: step.ended_s, default=(succeeded or steps)[-1])
-
-
 class TrialResult(Record):
     """The result of one trial, in SI units and radians.
 
@@ -79,7 +67,8 @@ class TrialResult(Record):
         perception: Kind of the perception.
         as_built: Grade of the workmanship, with the quantities that are not as the grade has them.
         versions: Installed versions, from :func:`trial_versions`.
-        outcome: Verdict of the judge on the whole plan.
+        outcome: Verdict of the judge on the trial as a whole.
+        reason: Why the trial ended so, in words of the judge, the base station or the robot.
         duration_s: Simulated time [s].
         start_redraws: Number of start poses discarded because the target was outside the outer cone.
         steps: Result of every step that began, in the order of the plan, or in which a base station began
@@ -96,6 +85,7 @@ class TrialResult(Record):
     as_built: str = "perfect"
     versions: dict[str, str] = Field(default_factory=trial_versions)
     outcome: Outcome
+    reason: str
     duration_s: Distance
     start_redraws: int = Field(default=0, ge=0)
     steps: tuple[StepResult, ...]
@@ -136,16 +126,11 @@ class TrialResult(Record):
 
     @property
     def decisive_step(self) -> StepResult | None:
-        """The step that decides the outcome, as :func:`decisive_step` finds it; None if none began."""
-        return decisive_step(self.steps) if self.steps else None
+        """The first step to end without success, else the last one; None if none began.
 
-    @property
-    def reason(self) -> str:
-        """Why the trial ended so: reason of the mission, else of judge or robot in the decisive step."""
-        if self.mission is not None:
-            return self.mission.reason
-        step = self.decisive_step
-        return "" if step is None else step.verdict_reason or step.belief_reason
+        See :func:`msrr_bullet.trial.verdict.decisive_step`.
+        """
+        return decisive_step(self.steps) if self.steps else None
 
     @property
     def min_clearance_m(self) -> float | None:

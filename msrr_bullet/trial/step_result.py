@@ -118,7 +118,8 @@ class StepResult(Record):
         port: Active port of the docking unit.
         target: Port that is docked to, written ``<unit>.<port>``.
         outcome: Verdict of the judge.
-        verdict_reason: Why the judge ended the step, where the robot did not; else empty.
+        verdict_reason: Why the judge ended the step, or why the unit has not docked though it believes so;
+            else empty.
         belief: Belief of the robot.
         belief_reason: Reason of the robot for the belief.
         started_s: Simulated time of the start [s].
@@ -166,6 +167,11 @@ class StepResult(Record):
     def succeeded(self) -> bool:
         """Whether the unit has docked, or undocked where that was the task."""
         return self.outcome in (Outcome.DOCKED, Outcome.UNDOCKED)
+
+    @property
+    def reason(self) -> str:
+        """Why the step ended so: reason of the judge, else of the robot."""
+        return self.verdict_reason or self.belief_reason
 
     @property
     def phase(self) -> Phase:

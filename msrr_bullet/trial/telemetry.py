@@ -115,11 +115,11 @@ class Telemetry:
 
     def verdict(self, stamp_ns: int, step: DockingStep) -> None:
         """Record the verdict on a step that has ended."""
-        assert step.outcome is not None, "the step has ended"
+        assert step.verdict is not None, "the step has ended"
         way = "from" if step.undocks else "to"
-        reason = f", {step.verdict_reason}" if step.verdict_reason else ""
-        text = f"{step.step.unit} {way} {step.step.to}: {step.outcome.value}{reason}"
-        self.event(stamp_ns, JUDGE, text, _level(step.outcome))
+        outcome, said = step.verdict.outcome, step.verdict.reason
+        text = f"{step.step.unit} {way} {step.step.to}: {outcome.value}{', ' if said else ''}{said}"
+        self.event(stamp_ns, JUDGE, text, _level(outcome))
 
     def end(self, stamp_ns: int, outcome: Outcome) -> None:
         """Record the verdict on the trial."""

@@ -9,15 +9,14 @@ from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_bullet.timeline.snapshot import Viewer
 from msrr_bullet.trial.environment import Environment, open_environment
 from msrr_bullet.trial.mission import Mission, PlannedMission
-from msrr_bullet.trial.result import TrialResult, decisive_step
-from msrr_bullet.trial.step_result import StepResult
+from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress, Telemetry
+from msrr_bullet.trial.verdict import verdict_on_trial
 from msrr_bullet.wall_limit import wall_limit
 from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.errors import ChangedFileError
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.messages import seconds
-from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement.placement import draw_placement
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
@@ -71,19 +70,19 @@ class Trial:
         self._telemetry.begin(placement, built)
         with open_environment(self.scene, self.seed, placement, built) as environment:
             mission = begin_mission(environment, self._telemetry, self._profiler)
-            steps = mission.run(check_clock)
+            mission.run(check_clock)
             if scene_hash(self.scene) != digest:
                 raise ChangedFileError(
                     f"{self.scene.name}, seed {self.seed}: a URDF, mesh or texture was written while the "
                     "trial ran, which counts neither for the older robot nor for the newer one. Run it again"
                 )
-            result = self._result(digest, mission, steps, placement.redraws)
+            result = self._result(digest, mission, placement.redraws)
             self._telemetry.end(environment.simulation.plant.now_ns(), result.outcome)
         return result
 
-    def _result(
-        self, digest: str, mission: Mission, steps: tuple[StepResult, ...], redraws: int
-    ) -> TrialResult:
+    def _result(self, digest: str, mission: Mission, redraws: int) -> TrialResult:
+        steps = mission.results()
+        verdict = verdict_on_trial(mission.ended, steps, mission.failed_lock)
         return TrialResult(
             scene=self.scene.name,
             scene_hash=digest,
@@ -91,7 +90,8 @@ class Trial:
             plant=self.scene.plant,
             perception=self.scene.perception,
             as_built=str(self.scene.as_built),
-            outcome=_verdict(mission, steps),
+            outcome=verdict.outcome,
+            reason=verdict.reason,
             duration_s=seconds(mission.ended_ns),
             start_redraws=redraws,
             steps=steps,
@@ -107,13 +107,3 @@ def begin_mission(environment: Environment, telemetry: Telemetry, profiler: Prof
     from msrr_bullet.trial.coordinated_mission import CoordinatedMission
 
     return CoordinatedMission(environment, telemetry, profiler)
-
-
-def _verdict(mission: Mission, steps: tuple[StepResult, ...]) -> Outcome:
-    """Return the verdict on a trial: a mission is complete only if no step contradicts it."""
-    if isinstance(mission, PlannedMission) or mission.outcome is None:
-        return decisive_step(steps).outcome
-    wrong = (Outcome.PROGRAM_FAILED, Outcome.FALSE_DOCK, Outcome.LOCK_FAILED)
-    if mission.outcome in (Outcome.COMPLETE, Outcome.INCOMPLETE):
-        return next((step.outcome for step in steps if step.outcome in wrong), mission.outcome)
-    return mission.outcome

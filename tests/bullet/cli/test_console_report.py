@@ -49,6 +49,7 @@ def false_dock() -> TrialResult:
         plant="bullet",
         perception="images",
         outcome=Outcome.FALSE_DOCK,
+        reason="the pins are not seated",
         duration_s=12.5,
         steps=(step,),
     )
@@ -142,7 +143,6 @@ def incomplete(false_dock: TrialResult) -> TrialResult:
     docked = step.model_copy(update={"outcome": Outcome.DOCKED})
     left = docked.model_copy(update={"outcome": Outcome.UNDOCKED, "undocks": True, "belief": "undocked"})
     mission = MissionFigures(
-        reason="given up: c at a.rear",
         makespan_s=31.25,
         way_m={"a": 1.25, "b": 0.0},
         parallel_share=0.4,
@@ -154,7 +154,12 @@ def incomplete(false_dock: TrialResult) -> TrialResult:
         min_clearance_m=0.125,
         nearest_pair="a-post",
     )
-    changes = {"outcome": Outcome.INCOMPLETE, "steps": (docked, left), "mission": mission}
+    changes = {
+        "outcome": Outcome.INCOMPLETE,
+        "reason": "given up: c at a.rear",
+        "steps": (docked, left),
+        "mission": mission,
+    }
     return false_dock.model_copy(update=changes)
 
 

@@ -63,6 +63,7 @@ def _made_up(scene: Scene, seed: int) -> TrialResult:
         plant=scene.plant,
         perception=scene.perception,
         outcome=outcome,
+        reason="made up",
         duration_s=1.0,
         start_redraws=seed % 3,
         steps=(step,),

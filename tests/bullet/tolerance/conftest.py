@@ -68,6 +68,7 @@ def made_up(scene: Scene, seed: int, outcome: Outcome, lateral_m: float, yaw_rad
         plant=scene.plant,
         perception=scene.perception,
         outcome=outcome,
+        reason="made up",
         duration_s=2.0,
         steps=(step,),
     )

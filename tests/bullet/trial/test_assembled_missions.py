@@ -76,7 +76,7 @@ def test_a_jammed_lock_is_known_to_the_unit_and_to_the_judge(run: Run, plant: Ma
     assert "the lock reports closed" in step.belief_reason
     assert result.mission is not None
     assert result.mission.given_up == ("c", "again")
-    assert "c failed" in result.mission.reason
+    assert "c failed" in result.reason
     assert result.mission.way_m["c"] < 0.001
 
 
@@ -85,7 +85,7 @@ def test_the_lock_of_an_assembled_pair_is_pulled_at_in_the_end(run: Run) -> None
     assert [step.outcome for step in result.steps] == [Outcome.UNDOCKED]
     assert result.outcome is Outcome.LOCK_FAILED
     assert result.mission is not None
-    assert "the lock of b at a.rear" in result.mission.reason
+    assert "the lock of b at a.rear" in result.reason
 
 
 def test_a_collision_is_the_verdict_whatever_the_locks_hold(run: Run) -> None:

@@ -43,7 +43,7 @@ def untouched(result: TrialResult) -> bool:
 
 def reason(result: TrialResult) -> str:
     assert result.mission is not None
-    return result.mission.reason
+    return result.reason
 
 
 @pytest.mark.parametrize(("plant", "perception"), [("unicycle", "parametric"), ("bullet", "parametric")])

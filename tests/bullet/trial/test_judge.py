@@ -17,6 +17,7 @@ from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.trial.arena_judge import ArenaJudge, Safety
 from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.judge import FALSE_ABORT_TIME_S, Judge
+from msrr_bullet.trial.verdict import Verdict
 from msrr_scenes.as_built import as_drawn
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import find_urdf
@@ -67,6 +68,10 @@ def crowd(scene: Scene, model: ClearanceModel, units: dict[str, SE2], post: SE2)
     return Crowd(Simulation(scene, as_drawn(scene), placement, KinematicPlant(scene, placement), None), model)
 
 
+def outcome_of(found: Safety) -> Outcome | None:
+    return None if found.verdict is None else found.verdict.outcome
+
+
 def check_all_pairs(judge: Judge, crowded: Crowd, docking: bool) -> tuple[Outcome | None, float | None]:
     """Return the outcome and the smallest clearance that counts, from every pair in turn."""
     authorised = docking and judge.port_pose() in judge.zone
@@ -102,17 +107,17 @@ def test_the_outcome_is_that_of_a_check_of_all_pairs(scene: Scene) -> None:
         phase = Phase.DOCK if docking else Phase.HAND_OVER
         expected, counted = check_all_pairs(judge, crowded, docking)
         found = crowded.check(judge, phase)
-        assert found.outcome is expected
+        assert outcome_of(found) is expected
         assert (found.nearest.distance if found.nearest else None) == counted, (
             "what is reported is what counts"
         )
         # Nobody asks for more than the outcome, or for clearances below a bound.
         for matters in (0.0, 0.15) if i % 4 == 0 else ():
             found_less = crowded.check(judge, phase, matters)
-            assert (found_less.outcome, found_less.units) == (found.outcome, found.units)
+            assert (found_less.verdict, found_less.units) == (found.verdict, found.units)
             if counted is not None and counted < matters:
                 assert found_less.nearest == found.nearest
-        cases.add((found.outcome, judge.port_pose() in judge.zone))
+        cases.add((outcome_of(found), judge.port_pose() in judge.zone))
     assert {v for v, _ in cases} == {None, Outcome.COLLISION, Outcome.CLEARANCE_VIOLATED}
     assert (None, True) in cases  # docking, and no other body near
 
@@ -128,12 +133,14 @@ def test_an_obstacle_that_appears_at_a_unit_is_said_to_have_appeared(scene: Scen
     ):
         crowded = crowd(late, model, units, place)
         judges = ArenaJudge(crowded.simulation, model, crowded.locked)
-        assert judges.check(units, []).outcome is None
+        assert judges.check(units, []).verdict is None
         found = judges.check(units | {"post": place}, [])
-        assert found.outcome is outcome
-        assert found.reason.startswith(said)
+        assert found.verdict is not None
+        assert found.verdict.outcome is outcome
+        assert found.verdict.reason.startswith(said)
         later = judges.check(units | {"post": place}, [])
-        assert later.reason.startswith(("a touched post", "a came within"))
+        assert later.verdict is not None
+        assert later.verdict.reason.startswith(("a touched post", "a came within"))
 
 
 def test_an_empty_arena_has_no_clearance(scene: Scene) -> None:
@@ -146,7 +153,7 @@ def test_an_empty_arena_has_no_clearance(scene: Scene) -> None:
     everything = {frozenset(p) for p in ("ab", "bc", "ac")} | {frozenset((u, "post")) for u in "abc"}
     crowded.locked.pairs |= everything
     judge = crowded.judge()
-    assert crowded.check(judge, Phase.HAND_OVER) == Safety(None, frozenset(), "", None)
+    assert crowded.check(judge, Phase.HAND_OVER) == Safety(None, frozenset(), None)
 
 
 def beside(scene: Scene, x: float, y: float = 0.0, yaw: float = 0.0) -> Crowd:
@@ -161,11 +168,11 @@ def test_the_distance_at_a_collision_is_the_smallest_clearance(scene: Scene) -> 
     """It kept the value of the instant before, metres away."""
     apart, post = beside(scene, -0.5), SE2(-1.0, 1.0, 0.0)
     before = apart.check(apart.judge(), Phase.HAND_OVER)
-    assert before.outcome is None
+    assert before.verdict is None
     units = {name: apart.simulation.poses()[name] for name in "abc"} | {"c": post @ SE2(0.12, 0.0)}
     hit = crowd(scene, apart.clearance, units, post)
     found = hit.check(hit.judge(), Phase.HAND_OVER)
-    assert (found.outcome, found.units) == (Outcome.COLLISION, {"c", "post"})
+    assert (outcome_of(found), found.units) == (Outcome.COLLISION, {"c", "post"})
     assert before.nearest is not None
     assert found.nearest is not None
     assert found.nearest.distance <= 0.0 < before.nearest.distance
@@ -178,7 +185,7 @@ def test_a_pair_that_docks_is_exempt_and_its_neighbours_are_not(scene: Scene) ->
     assert overlap is not None
     assert (overlap.pair, overlap.distance < -0.01) == (PAIR, True)
     found = seated.check(seated.judge(), Phase.VERIFY)
-    assert found.outcome is None
+    assert found.verdict is None
     assert found.nearest == seated.clearance.query(seated.simulation.poses(), {PAIR})[0]
     assert found.nearest.distance > 0.0
 
@@ -194,8 +201,8 @@ def test_pins_may_touch_the_port_however_long_they_are(scene: Scene, tmp_path: P
     (tmp_path / "long.urdf").write_text('name="pin_'.join((head, *pins)))
     units = {**scene.units, "a": scene.units["a"].model_copy(update={"urdf": str(tmp_path / "long.urdf")})}
     touching = beside(scene.model_copy(update={"units": units}), -0.039, 0.02)
-    assert touching.check(touching.judge(), Phase.HAND_OVER).outcome is Outcome.COLLISION
-    assert touching.check(touching.judge(), Phase.DOCK).outcome is None
+    assert outcome_of(touching.check(touching.judge(), Phase.HAND_OVER)) is Outcome.COLLISION
+    assert touching.check(touching.judge(), Phase.DOCK).verdict is None
 
 
 def keep_seated(judge: Judge, ticks: int = 200) -> Judge:
@@ -227,7 +234,7 @@ def test_a_unit_is_seated_only_in_the_seat(
     assert (seating is not None and seating.seated) is seated
     # A seated unit that gives up is a false abort.
     verdict = judge.verdict_gave_up(FailureReason.NOT_LOCALISED, ever_detected=False)
-    assert (verdict is Outcome.FALSE_ABORT) is seated
+    assert (verdict.outcome is Outcome.FALSE_ABORT) is seated
 
 
 @pytest.mark.parametrize(
@@ -258,9 +265,9 @@ def test_a_new_attempt_resets_the_seat(scene: Scene) -> None:
     crowded = beside(scene, 0.0)
     crowded.simulation.plant.begin_dock(scene.plan[0])
     judge = keep_seated(crowded.judge())
-    assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is Outcome.FALSE_ABORT
+    assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True).outcome is Outcome.FALSE_ABORT
     judge.tick(10**9, 2, lambda: None)
-    assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is not Outcome.FALSE_ABORT
+    assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True).outcome is not Outcome.FALSE_ABORT
 
 
 def test_the_time_in_the_seat_begins_anew_after_a_break(scene: Scene) -> None:
@@ -278,25 +285,27 @@ def test_the_time_in_the_seat_begins_anew_after_a_break(scene: Scene) -> None:
         judge.tick(start_ns + share_ns + 1, 1, lambda: None)
         judge._plant = seat.simulation.plant
         verdict = judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True)
-        assert verdict is not Outcome.FALSE_ABORT
+        assert verdict.outcome is not Outcome.FALSE_ABORT
     third_ns = 2 * share_ns + 4
     for at_ns in (third_ns, third_ns + round(1.01e9 * FALSE_ABORT_TIME_S)):
         judge.tick(at_ns, 1, lambda: None)
-    assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is Outcome.FALSE_ABORT
+    assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True).outcome is Outcome.FALSE_ABORT
 
 
 @pytest.mark.parametrize("phase", [Phase.FAILED, Phase.HAND_OVER, Phase.ASSEMBLE])
 def test_a_pair_that_tried_to_dock_may_stay_close_until_it_has_parted(scene: Scene, phase: Phase) -> None:
     near, far = beside(scene, -0.03), beside(scene, -0.10)
     assert near.clearance.minimum(near.simulation.poses()).distance < scene.judge.min_clearance_m
-    assert near.check(near.judge(), phase).outcome is Outcome.CLEARANCE_VIOLATED, "the pair has not docked"
+    assert outcome_of(near.check(near.judge(), phase)) is Outcome.CLEARANCE_VIOLATED, (
+        "the pair has not docked"
+    )
     judge = near.judge()
     for step in (Phase.DOCK, Phase.RETREAT, phase, phase):
-        assert near.check(judge, step).outcome is None
+        assert near.check(judge, step).verdict is None
     judge._plant = far.simulation.plant
-    assert far.check(judge, phase).outcome is None
+    assert far.check(judge, phase).verdict is None
     judge._plant = near.simulation.plant
-    assert near.check(judge, phase).outcome is Outcome.CLEARANCE_VIOLATED, "the pair has parted"
+    assert outcome_of(near.check(judge, phase)) is Outcome.CLEARANCE_VIOLATED, "the pair has parted"
 
 
 def test_a_unit_that_has_ended_its_step_in_the_port_may_not_touch_beside_it(scene: Scene) -> None:
@@ -324,18 +333,19 @@ def test_a_unit_beyond_the_edge_has_left_the_arena(scene: Scene) -> None:
         units = {"a": SE2(x, y, 0.3), "b": SE2(0.0, 1.0, 0.0), "c": SE2(0.0, -1.0, 0.0)}
         crowded = crowd(scene, model, units, SE2(1.0, 1.0, 0.0))
         found = crowded.check(crowded.judge(), Phase.DOCK)
-        assert (found.outcome is Outcome.LEFT_ARENA) is left, (x, y)
+        assert (outcome_of(found) is Outcome.LEFT_ARENA) is left, (x, y)
 
 
 def test_docked_needs_the_seat_and_the_lock(scene: Scene) -> None:
     seated, outside = beside(scene, 0.0), beside(scene, -0.3)
-    judge = seated.judge()
-    here, nowhere = judge.seating(), outside.judge().seating()
-    assert nowhere is None
-    assert judge.verdict_docked(here, engaged=True, pull_passed=True) is Outcome.DOCKED
-    assert judge.verdict_docked(here, engaged=True, pull_passed=False) is Outcome.LOCK_FAILED
-    assert judge.verdict_docked(here, engaged=False, pull_passed=True) is Outcome.FALSE_DOCK
-    assert judge.verdict_docked(nowhere, engaged=True, pull_passed=True) is Outcome.FALSE_DOCK
+    unseated = beside(scene, -0.004, 0.001)
+    assert seated.judge().verdict_docked(engaged=True) == Verdict(Outcome.DOCKED)
+    for crowded, engaged, reason in (
+        (seated, False, "the lock holds nothing"),
+        (outside, True, "the unit is not at the port"),
+        (unseated, True, "the pins are not seated: 4.0 mm before the end, 1.0 mm and 0.0 deg off"),
+    ):
+        assert crowded.judge().verdict_docked(engaged) == Verdict(Outcome.FALSE_DOCK, reason)
 
 
 @pytest.mark.parametrize(
@@ -349,7 +359,7 @@ def test_a_unit_whose_pins_have_touched_the_port_was_not_blocked_on_its_way(
     with bench("bullet", SE2(-0.03, y, 0.0)) as b:
         judge = _judged(b, drive_s)
         assert (judge.contact_in(1) is None) is (outcome is Outcome.BLOCKED)
-        assert judge.verdict_gave_up(FailureReason.BLOCKED, ever_detected=True) is outcome
+        assert judge.verdict_gave_up(FailureReason.BLOCKED, ever_detected=True).outcome is outcome
 
 
 def test_pins_with_more_play_are_in_line_farther_off(bench: Bench, tmp_path: Path) -> None:
@@ -368,7 +378,7 @@ def test_pins_with_more_play_are_in_line_farther_off(bench: Bench, tmp_path: Pat
         b.plant.set_plug("b", "rear", True)
         judge = _judged(b, 0.7)
         assert judge.contact_in(1) is not None
-        assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True) is Outcome.NOT_SEATED
+        assert judge.verdict_gave_up(FailureReason.STALLED, ever_detected=True).outcome is Outcome.NOT_SEATED
 
 
 def _judged(b: Any, drive_s: float) -> Judge:

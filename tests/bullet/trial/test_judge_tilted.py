@@ -65,7 +65,7 @@ def test_a_tilted_pair_that_holds_its_pull_is_docked(bench: OpenBench, pitch_deg
         engaged = b.plant.lock_engaged("a")
         passed = b.plant.pull_test("a").holds
         assert (engaged, passed) == (True, True)
-        assert judge.verdict_docked(seating, engaged, passed) is Outcome.DOCKED
+        assert judge.verdict_docked(engaged).outcome is Outcome.DOCKED
 
 
 def test_gap_and_offset_are_measured_at_the_pins_of_tilted_units(bench: OpenBench) -> None:

@@ -58,6 +58,7 @@ def result(**changes: object) -> TrialResult:
         "plant": "bullet",
         "perception": "images",
         "outcome": Outcome.DOCKED,
+        "reason": "seated by sight",
         "duration_s": 9.02,
         "steps": (step(),),
     }
@@ -125,12 +126,6 @@ def test_success_has_one_outcome_for_each_task(outcome: Outcome) -> None:
     assert step(outcome=outcome).docked is (outcome is Outcome.DOCKED)
     assert step(outcome=outcome).succeeded is (outcome in (Outcome.DOCKED, Outcome.UNDOCKED))
     assert result(outcome=outcome).docked is (outcome in (Outcome.DOCKED, Outcome.COMPLETE))
-
-
-def test_the_decisive_step_is_the_first_that_did_not_dock() -> None:
-    docked, jammed, later = step(), step(index=1, outcome=Outcome.JAMMED), step(index=2)
-    assert result(steps=(docked, jammed, later)).decisive_step == jammed
-    assert result(steps=(docked, later)).decisive_step == later
 
 
 def test_the_smallest_clearance_of_a_trial_is_that_of_all_its_steps() -> None:

@@ -140,8 +140,10 @@ CASES = (
     ),
 )
 
-#: Outcomes with which a judge ends a step, whatever the robot is at.
-ENDED_BY_THE_JUDGE = (
+#: Outcomes for which the judge has a reason of its own: it ends the step, or the robot wrongly says docked.
+WITH_A_REASON_OF_THE_JUDGE = (
+    Outcome.LOCK_FAILED,
+    Outcome.FALSE_DOCK,
     Outcome.COLLISION,
     Outcome.CLEARANCE_VIOLATED,
     Outcome.LEFT_ARENA,
@@ -158,7 +160,7 @@ def test_an_outcome_is_provoked(case: Case, shipped: Load) -> None:
     assert (result.outcome, step.belief) == (case.outcome, case.belief), step.belief_reason
     assert case.true(step), step
     assert step.belief_reason
-    assert bool(step.verdict_reason) is (case.outcome in ENDED_BY_THE_JUDGE)
+    assert bool(step.verdict_reason) is (case.outcome in WITH_A_REASON_OF_THE_JUDGE)
     assert result.reason == (step.verdict_reason or step.belief_reason)
     assert result.docked == (case.outcome is Outcome.DOCKED)
 
