@@ -67,7 +67,8 @@ class GuidedUnit:
             profiler: Measures the time of the collision monitor.
         """
         self._unit, self._programs = unit, UnitPrograms(scene, unit, profiler)
-        self._newest: Authority | None = None
+        self._newest: Authority | None = None  # of the present route, or of one that has yet to begin
+        self._authority: Authority | None = None  # newest of the present route
         self._program: Autonomy | RouteProgram | None = None
         self._docking: Autonomy | None = None
         self._guided: GuidedAssembler[Any] | None = None
@@ -160,6 +161,7 @@ class GuidedUnit:
         self._newest = authority
         if authority.route != self.route:
             return
+        self._authority = authority
         if self._guided is not None:
             self._guided.receive(authority)
         self._brief_guard()
@@ -226,7 +228,7 @@ class GuidedUnit:
 
     def _begin(self) -> None:
         """Begin the route of the newest authority."""
-        newest = self._newest
+        newest = self._authority = self._newest
         assert newest is not None
         self.route, self._covered = newest.route, 0.0
         self._drive_watch.restart()
@@ -247,39 +249,39 @@ class GuidedUnit:
 
     def _drive(self) -> None:
         """Begin the part of the route that leads forwards."""
-        newest = self._newest
-        assert newest is not None
-        if newest.to is None:
+        authority = self._authority
+        assert authority is not None
+        if authority.to is None:
             self.dock_step = self._docking = None
             self._program, self._guided = self._programs.along_route()
-            self._guided.receive(newest)
+            self._guided.receive(authority)
         else:
-            self._program = self._docking = self._program_at(newest.to)
+            self._program = self._docking = self._program_at(authority.to)
 
     def _go_on(self) -> None:
         """Go on with the route at the instant after that in which the unit has left its port."""
-        assert self._newest is not None
+        assert self._authority is not None
         self.leaving = False
-        if len(self._newest.legs) > 1:
+        if len(self._authority.legs) > 1:
             self._drive()
         else:
             self._program = self._docking = self._guided = self.dock_step = None
 
     def _note_progress(self) -> None:
         """Note how much of the route is covered, in the dock leg and backwards by the gap to the port."""
-        newest, program = self._newest, self._program
-        assert newest is not None
+        authority, program = self._authority, self._program
+        assert authority is not None
         if self.leaving:
             X = self.estimate
             if X is not None and self.dock_step is not None:
                 gap = -(X.X_DU.x + self._offset)
-                self._covered = max(self._covered, min(gap, newest.legs[0].end))
-            if self._program is not None and self._program.phase is Phase.DONE:
-                self._covered = newest.legs[0].end
+                self._covered = max(self._covered, min(gap, authority.legs[0].end))
+            if program is not None and program.phase is Phase.DONE:
+                self._covered = authority.legs[0].end
             return
         covered = 0.0 if self._guided is None else self._guided.covered
         if program is not None and program is self._docking and program.phase is not Phase.ASSEMBLE:
-            length, X = newest.legs[-1].end, self.estimate
+            length, X = authority.legs[-1].end, self.estimate
             if program.phase is Phase.DONE:
                 covered = length
             elif X is not None:  # without a sight of the port the unit has covered no part of its dock leg
@@ -288,9 +290,9 @@ class GuidedUnit:
 
     def _program_at(self, port: str, docked: bool = False) -> Autonomy:
         """Return the program that docks at a port; the one that undocks there, if the unit is docked."""
-        assert self._newest is not None
+        assert self._authority is not None
         self.dock_step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=port)
         program, guided = self._programs.at_port(self.dock_step, docked)
-        guided.receive(self._newest)
+        guided.receive(self._authority)
         self._guided = None if docked else guided
         return program

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from msrr_bullet.robot.guided_unit import GuidedUnit
 from msrr_bullet.trial.docking_step import DockingStep
 from msrr_bullet.trial.mission import Mission
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes import load_scene
+from msrr_scenes.messages.coordination import Authority
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
@@ -62,6 +65,23 @@ def test_a_unit_in_a_port_leaves_it_for_the_place_where_it_is_to_stand(run: Run)
     assert _steps(result) == [("b.rear", Outcome.UNDOCKED, "undocked")]
     assert result.mission is not None
     assert result.mission.way_m["c"] > 1.0
+
+
+def test_a_unit_leaves_its_port_by_the_route_that_it_has_begun(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It counted its way by that of another route, without legs, on which it was to wait, and failed."""
+    authorise = GuidedUnit.authorise
+
+    def twice(self: GuidedUnit, authority: Authority) -> None:
+        authorise(self, replace(authority, seq=2 * authority.seq))
+        if self.leaving:
+            later = replace(authority, route=authority.route + 1, seq=2 * authority.seq + 1)
+            authorise(self, replace(later, limit=-1.0, legs=()))
+
+    monkeypatch.setattr(GuidedUnit, "authorise", twice)
+    result = run("[{undock: c}]", FAST)
+    assert _steps(result) == [("b.rear", Outcome.UNDOCKED, "undocked")]
 
 
 @pytest.mark.parametrize("plant", PLANTS)
