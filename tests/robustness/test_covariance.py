@@ -61,6 +61,7 @@ def _graded(grade: Grade) -> dict[str, str]:
 BOUNDS: dict[str, tuple[dict[str, str], float, float]] = {
     "noise 2": ({}, *_SAFE),
     "noise 8": ({"cameras.onboard.noise_grey": "8"}, *_SAFE),
+    "encoders of 5 Hz": ({"odometry.rate_hz": "5"}, 0.0, _SAFE[1]),
     "blur 1 px": ({"cameras.onboard.blur_px": "1"}, 0.0, 6.0),
     "careful": (_graded("careful"), 1.0, 6.0),
     "workshop": (_graded("workshop"), 1.0, 6.0),
@@ -143,6 +144,9 @@ def test_on_the_way(what: str, shipped: Callable[..., Scene]) -> None:
     gave 3.6, 3.5 and 3.3, and 2.6 in the seat. Of 200,000 means of 50 that were drawn from these, none is
     above 6. When the light beside the tags was not subtracted, these seeds gave 5.0 at 0.4 m, and 150 of them
     6.1.
+
+    Between the readings of slow encoders the wheels may accelerate. While the covariance had nothing of it,
+    the mean NEES of all estimates of four approaches was 345 with encoders of 5 Hz; it is 0.7.
 
     The last estimate is of a unit in its seat, and has the upper bound alone: with perfect calibration its
     NEES is 0.1, for the filter grants every unit that touches its port a spinning wheel.

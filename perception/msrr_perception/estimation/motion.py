@@ -149,6 +149,7 @@ class DriveMotion:
         )
         self._packed_drive = self._drive.packed()
         self._doubted = noise.doubted
+        self._acceleration = noise.acceleration
 
     def rates(self, state: FilterState, history: WheelHistory) -> Rates:
         """Return how the unit moves about an exposure with the time of a state as its stamp, by the wheels.
@@ -197,6 +198,7 @@ class DriveMotion:
         steps, wheels = self._steps(state, history, stamp_ns)
         mean, P = state.mean.copy(), state.covariance.copy()
         propagate(mean, P, steps, self._packed_drive)
+        self._add_of_wheels(mean, P, self._between_readings(history, state.stamp_ns, stamp_ns))
         return FilterState(
             stamp_ns,
             mean,
@@ -220,20 +222,24 @@ class DriveMotion:
         if moved is state or state.wheels is None or moved.wheels is None:
             return moved
         # Each wheel for itself, and also where no tick has passed: it may have turned by less than one.
-        self._add_of_wheels(moved, self._rounding)
+        self._add_of_wheels(moved.mean, moved.covariance, self._rounding)
         return moved
 
     def doubting(self, state: FilterState) -> FilterState:
         """Return a state at a measurement with what the wheels have told since the last one in doubt."""
         moved = replace(state, covariance=state.covariance.copy())
         off = (self._doubted * seconds(state.stamp_ns - state.last_seen_ns)) ** 2
-        self._add_of_wheels(moved, off)
+        self._add_of_wheels(moved.mean, moved.covariance, off)
         moved.covariance[[0, 1], [0, 1]] += off  # one that is pushed aside drives without its wheels
         return moved
 
-    def _add_of_wheels(self, state: FilterState, variance: float) -> None:
+    def _between_readings(self, history: WheelHistory, *stamps_ns: int) -> float:
+        """Return the variance that accelerations add to the way of a wheel between instants [m^2]."""
+        return sum((self._acceleration * history.off_by(stamp_ns)) ** 2 for stamp_ns in stamps_ns)
+
+    def _add_of_wheels(self, mean: Array, P: Array, variance: float) -> None:
         """Add an error of the way of each wheel for itself, of a variance [m^2], to a covariance in place."""
-        yaw, P = float(state.mean[YAW]), state.covariance
+        yaw = float(mean[YAW])
         c, s = math.cos(yaw), math.sin(yaw)
         P[0, 0] += 0.5 * variance * c * c
         P[0, 1] += 0.5 * variance * c * s
@@ -243,12 +249,14 @@ class DriveMotion:
 
     def predict(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> PoseEstimate:
         """Return the pose in the dock frame at ``stamp_ns``, or at the time of the state if that is later."""
-        steps = _NO_STEPS
+        steps, P = _NO_STEPS, state.covariance
         if stamp_ns > state.stamp_ns:
             steps, _ = self._steps(state, history, stamp_ns)
-        x, y, yaw, covariance = predict(
-            state.mean, state.covariance, steps, self._packed_drive, self._marker, self._pivot
-        )
+            between = self._between_readings(history, state.stamp_ns, stamp_ns)
+            if between > 0.0:
+                P = P.copy()
+                self._add_of_wheels(state.mean, P, between)
+        x, y, yaw, covariance = predict(state.mean, P, steps, self._packed_drive, self._marker, self._pivot)
         at_ns = max(stamp_ns, state.stamp_ns)
         return PoseEstimate(at_ns, SE2(x, y, yaw), frozen(covariance), state.last_seen_ns, state.exposures)
 

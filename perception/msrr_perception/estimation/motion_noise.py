@@ -20,6 +20,8 @@ class MotionNoise:
             metre driven].
         contact_zone: Gap between the tips of the pins and the face of the port below which the unit is in the
             contact zone [m].
+        acceleration: Acceleration of each wheel, which moves it between two readings and after the newest one
+            otherwise than they tell [m/s^2].
         drift: Motion of a unit at rest [m per square root of a second].
         turn_drift: Rotation of a unit at rest [rad per square root of a second].
         tilt_sigma: Standard deviation of pitch and roll [rad].
@@ -35,6 +37,7 @@ class MotionNoise:
     contact: float = 0.045
     guidance: float = 0.01
     contact_zone: float = 0.012
+    acceleration: float = 0.2
     drift: float = 5e-5
     turn_drift: float = 3e-4
     tilt_sigma: float = math.radians(0.05)

@@ -5,10 +5,19 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from typing import NamedTuple
 
-from msrr_scenes.messages import NS_PER_S, WheelOdometry
+from msrr_scenes.messages import NS_PER_S, WheelOdometry, seconds
 
-#: Time beyond the newest reading for which the last wheel speeds are assumed to last [ns].
+#: Shortest time beyond the newest reading for which the last wheel speeds are assumed to last [ns]. Where
+#: readings are rarer than that, they last until the next one is due.
 _EXTRAPOLATION_NS = NS_PER_S // 10
+
+#: Time between two readings above which the encoders were silent, as those of a unit on standby are [ns].
+#: The slowest ones read once a second.
+_SILENT_NS = 3 * NS_PER_S // 2
+
+#: Time between readings, and after the newest one, within which an acceleration changes the way by no more
+#: than the rounding of an encoder does [ns]: 20 um at 0.2 m/s^2.
+_DENSE_NS = 15 * NS_PER_S // 1000
 
 
 class WheelAngles(NamedTuple):
@@ -84,8 +93,8 @@ class WheelHistory:
     def angles_at(self, stamp_ns: int) -> WheelAngles | None:
         """Return the angles at an instant; None before any reading is known.
 
-        The speeds are constant between readings, last for 0.1 s after the newest reading, and are zero after
-        that and before the oldest one.
+        The speeds are constant between readings, last after the newest reading for 0.1 s or for as long as
+        the last two are apart, and are zero after that and before the oldest one.
         """
         readings = self._readings
         if not readings:
@@ -112,12 +121,36 @@ class WheelHistory:
         i = bisect_right(self._stamps, stamp_ns)
         return self._stamps[i - 1] if i else None
 
+    def off_by(self, stamp_ns: int) -> float:
+        """Return by how much the angles at an instant are off, over an acceleration of the wheels [s^2].
+
+        The parabola through two readings is as far as that from the straight line. It is 0 at a reading,
+        where readings are dense, and where they are silent: then the wheels are taken to stand.
+        """
+        stamps = self._stamps
+        i = min(max(bisect_left(stamps, stamp_ns), 1), len(stamps) - 1)
+        if i < 1:
+            return 0.0
+        before_ns, after_ns = stamps[i - 1], stamps[i]
+        apart_ns, beyond_ns = after_ns - before_ns, stamp_ns - after_ns
+        if stamp_ns < before_ns or apart_ns > _SILENT_NS or beyond_ns > _lasts_ns(apart_ns):
+            return 0.0
+        if max(apart_ns, beyond_ns) < _DENSE_NS:
+            return 0.0
+        return 0.5 * abs(seconds(stamp_ns - before_ns) * seconds(beyond_ns))
+
     def _after_newest(self, stamp_ns: int) -> WheelAngles:
         newest = self._readings[-1]
         if len(self._readings) < 2:
             return newest._replace(stamp_ns=stamp_ns)
-        until = min(stamp_ns, newest.stamp_ns + _EXTRAPOLATION_NS)
-        return _interpolated(self._readings[-2], newest, until, stamp_ns)
+        before = self._readings[-2]
+        until = min(stamp_ns, newest.stamp_ns + _lasts_ns(newest.stamp_ns - before.stamp_ns))
+        return _interpolated(before, newest, until, stamp_ns)
+
+
+def _lasts_ns(apart_ns: int) -> int:
+    """Return the time beyond the newest reading for which the speed between the last two lasts [ns]."""
+    return _EXTRAPOLATION_NS if apart_ns > _SILENT_NS else max(_EXTRAPOLATION_NS, apart_ns)
 
 
 def _counted(way: float, since: float, last_way: float) -> tuple[float, float]:

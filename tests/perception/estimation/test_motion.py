@@ -68,6 +68,29 @@ def test_stops_on_the_way_change_nothing(target: TargetModel, strain: float) -> 
     np.testing.assert_allclose(state.covariance, whole.covariance, rtol=2e-3, atol=1e-9)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_between_rare_readings_the_wheels_may_accelerate(target: TargetModel, sign: float) -> None:
+    """Both do, and the axle is off by sqrt(2) sigma, for each is taken to err for itself."""
+    acceleration, times = 0.2, 0.2 * np.arange(6)
+    history = WheelHistory()
+    for t, angle in zip(times, 0.5 * acceleration * times**2 / target.wheel_radius, strict=True):
+        history.add(WheelOdometry("a", round(1e9 * t), float(angle), float(sign * angle)))
+    motion, blind = (
+        DriveMotion(target, OdometrySpec(), replace(SILENT, acceleration=a)) for a in (acceleration, 0.0)
+    )
+    for t in (0.3, 0.75, 1.05, 1.15):
+        start, stamp = _start(motion, SE2(), history), round(1e9 * t)
+        way = 0.5 * acceleration * t * t
+        x, turn = (way, 0.0) if sign > 0.0 else (0.0, -2.0 * way / target.track)
+        for moved, still in (
+            (motion.propagate(start, history, stamp), blind.propagate(start, history, stamp)),
+            (motion.predict(start, history, stamp), blind.predict(start, history, stamp)),
+        ):
+            added = np.sqrt(np.diag(moved.covariance - still.covariance)[[0, 2]])
+            off = moved.X_DU.x - x if sign > 0.0 else moved.X_DU.yaw - turn
+            assert abs(off) == pytest.approx(math.sqrt(2.0) * added[0 if sign > 0.0 else 1], rel=1e-3)
+
+
 def test_lengths_are_strained_and_turns_are_not(target: TargetModel) -> None:
     """A way of 0.2 m is off by 4 % of it, and by what that changes on 0.2 m; a turn by nothing."""
     angles = np.linspace(0.0, 0.2 / target.wheel_radius, 41)

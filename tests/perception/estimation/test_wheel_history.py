@@ -34,6 +34,27 @@ def test_beyond_the_newest_reading_speed_is_kept_for_a_tenth_of_a_second() -> No
     np.testing.assert_allclose([late.left, later.left], [1.1, 1.1])
 
 
+@pytest.mark.parametrize("period", [20, 100, 500, 1000])
+def test_wheels_that_accelerate_are_off_by_what_is_said(period: int) -> None:
+    """Between readings, and after the newest one for as long as the last speed is assumed to last."""
+    history = _history(*((t, (1e-3 * t) ** 2, -2.0 * (1e-3 * t) ** 2) for t in range(0, 6 * period, period)))
+    for stamp in np.linspace(0, max(6 * period, 5 * period + 100) * MS, 200).astype(int).tolist():
+        t, off, angles = 1e-9 * stamp, history.off_by(stamp), history.angles_at(stamp)
+        assert angles is not None
+        assert abs(angles.left - t * t) == pytest.approx(2.0 * off, abs=1e-12)
+        assert abs(angles.right + 2.0 * t * t) == pytest.approx(4.0 * off, abs=1e-12)
+    assert history.off_by(2 * period * MS) == 0.0
+
+
+def test_at_dense_and_silent_readings_the_wheels_are_where_they_are_said_to_be() -> None:
+    dense, silent = _history((0, 0.0, 0.0), (10, 0.1, 0.1)), _history((0, 1.0, 1.0), (9000, 1.0, 1.0))
+    assert dense.off_by(5 * MS) == dense.off_by(20 * MS) == 0.0
+    assert dense.off_by(60 * MS) == pytest.approx(0.5 * 0.06 * 0.05)
+    assert dense.off_by(500 * MS) == 0.0, "the wheels are taken to stand"
+    assert silent.off_by(4000 * MS) == silent.off_by(9050 * MS) == 0.0
+    assert _history((50, 0.0, 0.0)).off_by(80 * MS) == _history().off_by(0) == 0.0
+
+
 def test_before_the_first_reading_the_wheels_stand() -> None:
     assert _history().angles_at(0) is None
     assert _history().angles_between(0, 10) == []
