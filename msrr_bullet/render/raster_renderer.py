@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 from msrr_bullet.render.floor import Floor
-from msrr_bullet.render.raster.bodies import LoadedBodies, body_ids
+from msrr_bullet.render.raster.bodies import LoadedBodies
 from msrr_bullet.render.raster.floor_texture import pack_floor
 from msrr_bullet.render.raster.kept_pictures import KeptPictures, frame_radii
 from msrr_bullet.render.raster.kernels.records import FloorTexture
@@ -91,7 +91,7 @@ class RasterRenderer:
         return self._lenses[camera, distortion]
 
     def _loaded(self) -> LoadedBodies:
-        if self._bodies is None or self._bodies.ids != body_ids(self._client):
+        if self._bodies is None or not self._bodies.are_loaded():
             self._bodies = LoadedBodies(self._client)
             self._rasterizer = Rasterizer(self._bodies.shapes, self._bodies.frame_count)
             self._radii = frame_radii(self._rasterizer.geometry, self._bodies.frame_count)

@@ -45,7 +45,7 @@ class OnboardSight:
         """
         target, drawn = built.units[step.target_unit], scene.geometry(step.target_unit)
         self._told = TargetModel.from_scene(scene.told(), step)
-        self._camera = built.units[step.unit].camera
+        self._camera = _TrueCamera(built.units[step.unit].camera)
         self._X_CU = optical_pose(camera_pose(scene, built, step.unit)).inverse()
         X_DT = SE3.from_se2(drawn.dock_frame(step.target_port)).inverse()
         ids = scene.tag_ids(step.target_unit)
@@ -66,7 +66,7 @@ class OnboardSight:
             The pose, or None if no tag of the port is in view as a whole; None for an edge out of view.
         """
         X_CD = self._X_CU @ SE3.from_se2(X_DU.inverse())
-        tags = _detections(self._camera, self._told.lens, X_CD, self._corners_D)
+        tags = self._camera.tags(self._told.lens, X_CD, self._corners_D)
         pose = joint_pose(self._told, tags)
         seen = {tag.tag_id: tag.corners for tag in tags}
         left, right = (
@@ -91,7 +91,8 @@ class OverheadSight:
         assert built.overhead is not None, "an overhead camera was built"
         model = OverheadModel.from_scene(scene.told(), ())
         self._localizer, self._tag_of, self._lens = model.localizer(), model.tag_of, model.lens
-        self._camera, self._X_CW = built.overhead, overhead_camera_pose(scene, built).inverse()
+        self._camera = _TrueCamera(built.overhead)
+        self._X_CW = overhead_camera_pose(scene, built).inverse()
         self._corners_B: dict[str, Array] = {}
         for name in model.tag_of:
             if name in built.units:
@@ -111,24 +112,26 @@ class OverheadSight:
         """
         tag_id = self._tag_of[name]
         X_CB = self._X_CW @ SE3.from_se2(X_WB)
-        tags = _detections(self._camera, self._lens, X_CB, {tag_id: self._corners_B[name]})
+        tags = self._camera.tags(self._lens, X_CB, {tag_id: self._corners_B[name]})
         poses = self._localizer.locate(Detections(Exposure(OVERHEAD, 0, 0), tags, ()))
         return poses[0].X_WB if poses else None
 
 
-def _detections(
-    camera: BuiltCamera, told: Lens, X_CA: SE3, corners_A: Mapping[int, Array]
-) -> tuple[TagDetection, ...]:
-    """Return the tags, given by their corners in A, that a camera sees as a whole.
+class _TrueCamera:
+    """A camera as it was built."""
 
-    Their pixels are undistorted by the calibration that the robot is told.
-    """
-    tags = []
-    for tag_id, corners in corners_A.items():
-        p_C = X_CA.act(corners)
-        if p_C[:, 2].min() <= _NEAR_M:
-            continue
-        pixels = camera.project(p_C)
-        if camera.pinhole.contains(pixels).all():
-            tags.append(TagDetection(tag_id, told.undistorted(pixels)))
-    return tuple(tags)
+    def __init__(self, built: BuiltCamera) -> None:
+        self._built = built
+        self._lens = Lens(built.pinhole, built.distortion)
+
+    def tags(self, told: Lens, X_CA: SE3, corners_A: Mapping[int, Array]) -> tuple[TagDetection, ...]:
+        """Return the tags, given by their corners in A, that the camera sees as a whole.
+
+        Their pixels are undistorted by the calibration that the robot is told.
+        """
+        tags = []
+        for tag_id, corners in corners_A.items():
+            p_C = X_CA.act(corners)
+            if p_C[:, 2].min() > _NEAR_M and self._lens.sees(p_C).all():
+                tags.append(TagDetection(tag_id, told.undistorted(self._built.project(p_C))))
+        return tuple(tags)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,10 @@ ShapeData = tuple[Any, ...]
 #: PyBullet's link index of the base of a body.
 _BASE = -1
 
+#: Numbers by which the bodies of one :class:`LoadedBodies` are marked in PyBullet's user data: a new body may
+#: have the id of one that was removed.
+_NUMBERS = count()
+
 
 class LoadedBodies:
     """The bodies that were loaded in a PyBullet client at one instant.
@@ -49,6 +54,7 @@ class LoadedBodies:
             GeometryError: A body has a visual shape that cannot be drawn.
         """
         self._client = client
+        self._mark = f"msrr_read_{next(_NUMBERS)}"
         self.ids = body_ids(client)
         shapes: dict[tuple[int, int], list[VisualShape]] = {}
         for body in self.ids:
@@ -67,6 +73,15 @@ class LoadedBodies:
         self._rows: dict[int, list[int]] = {}
         for row, (body, _) in enumerate(bases + links):
             self._rows.setdefault(body, []).append(row)
+        for body in self.ids:
+            pybullet.addUserData(body, self._mark, "", physicsClientId=client)
+
+    def are_loaded(self) -> bool:
+        """Say whether the client has these bodies and no others now."""
+        client = self._client
+        return body_ids(client) == self.ids and all(
+            pybullet.getUserDataId(body, self._mark, physicsClientId=client) >= 0 for body in self.ids
+        )
 
     def poses(self) -> Array:
         """Return position [m] and quaternion xyzw of each moving frame in W at this instant, shape (M, 7)."""

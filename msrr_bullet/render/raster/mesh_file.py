@@ -113,8 +113,9 @@ def _corner(word: str, counts: tuple[int, int, int]) -> tuple[int, int, int]:
 
 
 def _checked(index: np.ndarray, count: int) -> np.ndarray:
-    if index.min() < 0 or index.max() >= count:
-        raise ValueError(f"a face names element {index.max() + 1} of {count}")
+    element = index.min() if index.min() < 0 else index.max()
+    if not 0 <= element < count:
+        raise ValueError(f"a face names element {element + 1} of {count}")
     return index
 
 

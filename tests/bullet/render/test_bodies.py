@@ -81,6 +81,9 @@ def test_bodies_that_are_added_moved_or_removed_are_noticed(
     place(body, SE3(p=np.array([0.3, 0.0, 1.0])))
     assert middle() > 200.0
     pybullet.removeBody(body)
+    assert body == add_box([0.1, 0.1, 0.1], SE3(p=np.array([0.3, 0.1, 1.0])), grey=0.0), "PyBullet reuses ids"
+    assert math.isnan(middle())
+    pybullet.removeBody(body)
     assert math.isnan(middle())
 
 

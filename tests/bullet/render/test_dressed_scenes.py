@@ -60,7 +60,7 @@ def views(scene: Scene, world: BulletWorld) -> Iterator[tuple[PinholeCamera, SE3
 def shares_off(scene: Scene, world: BulletWorld) -> list[float]:
     """Return, for both cameras, the share of the pixels of bodies at which the two renderers differ."""
     shares = []
-    context = RenderContext(world.client, samples=3)
+    context = RenderContext(world.client, samples=2)
     for camera, X_WC, window in views(scene, world):
         pictures: list[NDArray[np.int64]] = [
             renderer.render(camera, X_WC, window).astype(np.int64)

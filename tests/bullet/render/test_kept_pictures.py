@@ -46,9 +46,9 @@ def test_every_picture_is_that_of_a_new_renderer(
             poses[k] = poses[k] + rng.choice([1e-4, 0.02, 0.4]) * rng.normal(size=4)
             x, y, z, yaw = poses[k]
             place(boxes[k], SE3.from_xyz_rpy([x, y, z], [0.0, 0.0, yaw]))
+        new = RasterRenderer(context)
         for window in windows:
-            expected = seen_by(RasterRenderer(context), window)
-            np.testing.assert_array_equal(seen_by(renderer, window), expected)
+            np.testing.assert_array_equal(seen_by(renderer, window), seen_by(new, window))
 
 
 def test_only_what_changes_in_the_window_is_drawn_again(
@@ -98,3 +98,19 @@ def test_only_what_changes_in_the_window_is_drawn_again(
     assert is_drawn(), "a body has gone"
     add_box([0.1, 0.1, 0.1], SE3(p=np.array([0.0, 0.0, 0.4])))
     assert is_drawn(), "a body was added"
+
+
+def test_a_body_that_the_lens_alone_moves_into_the_window_is_drawn(
+    client: int, add_box: AddBox, place: Place
+) -> None:
+    lens, window = Distortion(k1=-0.1), Window(300, 220, 10, 10)
+    ideal = lens.ideal_pixels(CAMERA, np.array([[304.0, 224.0]]))[0]
+    assert (ideal > [window.x_end + 3, window.y_end + 3]).all(), "an ideal lens shows it elsewhere"
+    there = SE3(p=X_OVERHEAD.act(1.9 * CAMERA.rays(ideal)))
+    speck = add_box([0.01, 0.01, 0.01], SE3(p=np.array([0.0, 0.0, 0.1])))
+    renderer = RasterRenderer(RenderContext(client))
+    pictures = []
+    for X_WB in (SE3(p=np.array([0.0, 0.0, 0.1])), there):
+        place(speck, X_WB)
+        pictures += renderer.render_instants(CAMERA, [(window, Instant(X_OVERHEAD))], lens)
+    assert (pictures[0] != pictures[1]).any()

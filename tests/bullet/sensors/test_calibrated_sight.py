@@ -88,6 +88,15 @@ def test_a_tag_out_of_view_gives_no_pose() -> None:
     assert sight("careful").see(SE2(-0.35, 0.0, math.pi)) == (None, (None, None))
 
 
+def test_a_tag_beyond_the_fold_of_the_lens_is_not_in_view() -> None:
+    """The polynomial of k1 = -0.1 leads back into the frame from 61 deg on, and to its middle at 72 deg."""
+    told = "{fx_px: 417, fy_px: 417, cx_px: 319.5, cy_px: 239.5, k1: -0.1}"
+    of = scene("careful", perception="parametric", **{"cameras.onboard.calibration": told})
+    there = OnboardSight(of, draw_as_built(of, 0), of.docks[0])
+    for degrees in np.arange(50.0, 85.0, 0.25):
+        assert there.see(SE2(-0.6, 0.0, math.radians(degrees))) == (None, (None, None))
+
+
 class Photographer:
     """A reader that detects the tags of whole frames."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -15,6 +16,9 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, TagDetection
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import LocalisationErrorSpec
+
+#: Prepared once for a model.
+localizer = cache(OverheadModel.localizer)
 
 POSES = {"a": SE2(-1.2, 0.7, 0.6), "b": SE2(1.0, -0.2, -2.0), "post": SE2(0.1, 0.4, 0.0)}
 
@@ -35,16 +39,20 @@ def model() -> OverheadModel:
 
 def exact_detections(model: OverheadModel, frame: int, names: tuple[str, ...] = tuple(POSES)) -> Detections:
     """Exact detections at 10 Hz."""
-    locator = model.localizer()
-    tags = [
+    return Detections(Exposure("overhead", frame, frame * 100_000_000), exact_tags(model, names), ())
+
+
+@cache
+def exact_tags(model: OverheadModel, names: tuple[str, ...]) -> tuple[TagDetection, ...]:
+    locator = localizer(model)
+    return tuple(
         TagDetection(model.tag_of[n], locator.pixels(model.tags[model.tag_of[n]], POSES[n])) for n in names
-    ]
-    return Detections(Exposure("overhead", frame, frame * 100_000_000), tuple(tags), ())
+    )
 
 
 def errors(model: OverheadModel, detections: Detections) -> dict[str, np.ndarray]:
     found = {}
-    for pose in model.localizer().locate(detections):
+    for pose in localizer(model).locate(detections):
         e = pose.X_WB.as_array() - POSES[pose.name].as_array()
         e[2] = math.remainder(e[2], 2.0 * math.pi)
         found[pose.name] = e

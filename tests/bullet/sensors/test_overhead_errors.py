@@ -28,17 +28,26 @@ SHARED = {
 OWN = dict.fromkeys(("x_m", "y_m", "z_m"), 1e-3) | dict.fromkeys(("roll_deg", "pitch_deg", "yaw_deg"), 0.5)
 
 
-def moved(key: str, size: float, X_WB: SE2) -> tuple[np.ndarray, PoseErrors]:
-    """Return what an error does to the pose of unit a, and the covariances by that error as the tolerance."""
+def built(key: str, size: float) -> tuple[OverheadSight, OverheadModel]:
+    """Return what the robot makes of the images of a camera and tags with an error, and what it is told."""
     scene = load_scene("two_units", {**PERFECT, f"as_built.{key}": f"{{error: {size}, sigma: {size}}}"})
-    seen = OverheadSight(scene, draw_as_built(scene, 0)).see("a", X_WB)
+    return OverheadSight(scene, draw_as_built(scene, 0)), OverheadModel.from_scene(scene.told(), ())
+
+
+def error_of(sight: OverheadSight, X_WB: SE2) -> np.ndarray:
+    """Return what an error does to the pose of unit a."""
+    seen = sight.see("a", X_WB)
     assert seen is not None
     error = seen.as_array() - X_WB.as_array()
     error[2] = math.remainder(error[2], 2.0 * math.pi)
-    model = OverheadModel.from_scene(scene.told(), ())
+    return error
+
+
+def errors_of(model: OverheadModel, X_WB: SE2) -> PoseErrors:
+    """Return the covariances of the pose of unit a by the error as the tolerance."""
     errors = model.errors_of(GlobalPose("a", 0, X_WB, np.eye(3)))
     assert errors is not None
-    return error, errors
+    return errors
 
 
 def assert_is_square_of(covariance: np.ndarray, error: np.ndarray) -> None:
@@ -51,8 +60,9 @@ def assert_is_square_of(covariance: np.ndarray, error: np.ndarray) -> None:
 
 @pytest.mark.parametrize("quantity", SHARED)
 def test_an_error_of_the_camera_is_shared(quantity: str) -> None:
+    sight, model = built(f"overhead.{quantity}", SHARED[quantity])
     for X_WB in PLACES:
-        error, errors = moved(f"overhead.{quantity}", SHARED[quantity], X_WB)
+        error, errors = error_of(sight, X_WB), errors_of(model, X_WB)
         assert np.abs(error).max() > 1e-5
         assert_is_square_of(errors.shared, error)
         assert not errors.own.any()
@@ -60,25 +70,23 @@ def test_an_error_of_the_camera_is_shared(quantity: str) -> None:
 
 @pytest.mark.parametrize("quantity", OWN)
 def test_an_error_of_the_tag_is_its_own(quantity: str) -> None:
+    sight, model = built(f"tags.{quantity}", OWN[quantity])
     for X_WB in PLACES:
-        error, errors = moved(f"tags.{quantity}", OWN[quantity], X_WB)
-        assert_is_square_of(errors.own, error)
+        errors = errors_of(model, X_WB)
+        assert_is_square_of(errors.own, error_of(sight, X_WB))
         assert not errors.shared.any()
 
 
 @pytest.mark.parametrize("quantity", SHARED)
 def test_distances_err_by_no_more_than_the_strain(quantity: str) -> None:
     """Bodies 0.3 m apart, anywhere; a turn of the whole picture is left out, since it changes no distance."""
-    scene = load_scene(
-        "two_units", {**PERFECT, f"as_built.overhead.{quantity}": f"{{sigma: {SHARED[quantity]}}}"}
-    )
-    strain = OverheadModel.from_scene(scene.told(), ()).errors.strain
+    sight, model = built(f"overhead.{quantity}", SHARED[quantity])
+    strain = model.errors.strain
     found = []
     for X in PLACES:
         for way in np.eye(2):
             p = X.translation + 0.3 * way
-            ends = (moved(f"overhead.{quantity}", SHARED[quantity], at)[0] for at in (X, SE2(*p, X.yaw)))
-            before, after = (error[:2] for error in ends)
+            before, after = (error_of(sight, at)[:2] for at in (X, SE2(*p, X.yaw)))
             found.append(abs(float(way @ (after - before))) / 0.3)
     assert max(found) <= 1.02 * strain + 1e-5
     # Over the whole frame it is up to four times as large as at these places, for what grows outwards.

@@ -9,6 +9,7 @@ from msrr_bullet.render.raster.kernels.lens_floor import floor_grey_at
 from msrr_bullet.render.raster.kernels.lens_simple_pixels import mean_cells_of_pixel, pulled_back
 from msrr_bullet.render.raster.kernels.mixed_pixels import (
     GREATEST_KEY,
+    IDENTITY_BITS,
     LEAST_IDENTITY,
     first_pixel,
     sample_key,
@@ -33,9 +34,6 @@ from msrr_bullet.render.raster.kernels.simple_pixels import quantised
 from msrr_bullet.render.raster.kernels.textures import cell_index, filtered_reflectance
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
-
-#: Bits of a key that hold the identity.
-_LOW = (1 << 32) - 1
 
 
 @subroutine
@@ -141,7 +139,7 @@ def shade_lens_mixed_pixels(
         for p in range(start[j], start[j + 1]):
             differs = np.int32(0)
             for s in range(SAMPLES):
-                identity[s] = np.int32((key[p, s] & _LOW) + LEAST_IDENTITY)
+                identity[s] = np.int32((key[p, s] & IDENTITY_BITS) + LEAST_IDENTITY)
                 differs |= identity[s] ^ identity[0]
             f = identity[0] >> REGION_BITS
             total = 0.0

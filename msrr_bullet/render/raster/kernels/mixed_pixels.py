@@ -39,7 +39,7 @@ from msrr_scenes.messages import Pixels
 LEAST_IDENTITY = WALL
 
 #: Bits of a key that hold the identity.
-_LOW = (1 << 32) - 1
+IDENTITY_BITS = (1 << 32) - 1
 
 #: Greater than any key.
 GREATEST_KEY = (1 << 63) - 1
@@ -169,7 +169,7 @@ def shade_mixed_pixels(
             x = view.x + column[p]
             differs = np.int32(0)
             for s in range(SAMPLES):
-                identity[s] = np.int32((key[p, s] & _LOW) + LEAST_IDENTITY)
+                identity[s] = np.int32((key[p, s] & IDENTITY_BITS) + LEAST_IDENTITY)
                 differs |= identity[s] ^ identity[0]
             f = identity[0] >> REGION_BITS
             total = 0.0

@@ -10,7 +10,7 @@ homogeneous coordinates", 1997). The near plane is one more linear form, ``1 / n
 Two faces that share an edge compute forms that are exact negatives of each other, bit for bit, so a sample
 belongs to one of them and never to none.
 
-Pixels are counted from their edges here: pixel i spans [i, i + 1], the image's middle is (W / 2, H / 2).
+Pixels are counted from their edges here: pixel i spans [i, i + 1].
 """
 
 from __future__ import annotations

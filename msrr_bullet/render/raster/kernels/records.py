@@ -72,7 +72,7 @@ class View(NamedTuple):
 
     focal: float  # [px]
     middle_x: float  # column of the principal point from the left edge of the frame [px]
-    middle_y: float  # half the frame's height [px]
+    middle_y: float  # its row from the upper edge [px]
     x: int  # the window, in pixels of the frame
     y: int
     width: int
@@ -175,7 +175,7 @@ class RowBuffers(NamedTuple):
     """Memory for one row of pixels."""
 
     flags: Pixels  # a multiple of 8 of them, which are looked at together
-    texel: TexelNumbers
+    texel: TexelNumbers  # the texel up and left of what each pixel shows
     x: Floats  # offset from that texel
     y: Floats
 

@@ -30,7 +30,8 @@ def filtered_reflectance(
     first, end = level_start[texture[f]], level_start[texture[f] + 1]
     rows, columns = levels[first, 1], levels[first, 2]
     wu, wv = inverse_depth[f, 0], inverse_depth[f, 1]
-    z = 1.0 / (wu * u + (wv * v + inverse_depth[f, 2]))
+    # The middle of a mixed pixel may lie on the horizon of the face's plane, or beyond.
+    z = 1.0 / max(wu * u + (wv * v + inverse_depth[f, 2]), 1e-6)
     s = (uv[f, 0, 0] * u + (uv[f, 0, 1] * v + uv[f, 0, 2])) * z
     t = (uv[f, 1, 0] * u + (uv[f, 1, 1] * v + uv[f, 1, 2])) * z
     # How far one pixel reaches over the image: derivatives of s = (s / z) / (1 / z).

@@ -104,7 +104,7 @@ def mark_edges(
             elif (edges[e, 1] * k + edges[e, 2]) * (edges[e, 1] * (k + 1) + edges[e, 2]) > 0.0:
                 stop = -np.inf  # a level edge in another row
             if start <= stop:
-                for i in range(int(np.floor(start)), int(np.floor(stop)) + 1):
+                for i in range(int(np.floor(start)), min(int(np.floor(stop)) + 1, view.x + view.width)):
                     w = min(a * (i + 0.5) + reach, nearest)
                     # Rounded to single precision it must not fall below what it bounds.
                     bound = np.float32(w * 1.000001)
@@ -153,7 +153,7 @@ def cover_corners(
         if is_hidden(depth, top - view.y, bottom - view.y + 1, left, right + 1, nearest[f]):
             continue
         leftmost = max(box[f, 0], float(view.x))
-        rightmost = min(box[f, 1], view.x + view.width - 0.5)
+        rightmost = min(box[f, 1], float(view.x + view.width))
         for k in range(top, bottom + 1):
             j = k - view.y
             low, high, u0, u1 = row_spans(edges, first, end, k)
