@@ -14,7 +14,6 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -129,7 +128,6 @@ def _parallel(summary: SweepSummary) -> str:
     return "-" if median is None else f"{median:.0f} %"
 
 
-@cache
 def commit() -> str:
     """Return the last commit that changed the code.
 

@@ -77,7 +77,7 @@ def variants_of(
             line, and only the first 20 s count.
 
     Raises:
-        BenchError: The scene has fewer units.
+        BenchError: The scene has fewer units, or they begin assembled.
     """
     variants: dict[str, Scene] = {}
     for grade in grades or (None,):
@@ -95,6 +95,10 @@ def _line_of(scene: Scene, number: int) -> Scene:
     if not 2 <= number <= len(scene.units):
         raise BenchError(
             f"--units {number}: expected from 2 to {len(scene.units)}, the number of units of {scene.name}"
+        )
+    if scene.assembled:
+        raise BenchError(
+            f"--units {number}: the units of {scene.name} begin assembled; expected some that stand apart"
         )
     named = list(scene.units)[:number]
     line = {

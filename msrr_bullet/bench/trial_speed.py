@@ -55,7 +55,8 @@ class TrialSpeed(BaseModel, frozen=True):
         stages_ms_per_s: Wall-clock time of each stage of the loop per simulated second.
         control_step_ms: Time of one control step: estimator query, laws and phase machine, without the
             collision monitor [ms].
-        unit_cost: What one unit costs in a mission of a base station of three and more; None otherwise.
+        unit_cost: What one unit costs in a mission of a base station of three and more that begin apart from
+            each other; None otherwise.
         start_up_s: Time that the first trial of a process takes longer than the next ones.
         peak_mb: Largest memory of the process before the naive loop began [10^6 bytes].
         versions: Versions of the packages.
@@ -136,7 +137,8 @@ def measure_trial_speed(scene: Scene, seed: int = 0, *, naive: bool = True) -> T
     result = trial.result
     under_way = sum(step.ended_s - step.started_s for step in result.steps) / result.duration_s
     cost = None
-    if naive and scene.coordinated and len(scene.units) > 2 and under_way > 0.0:
+    apart = scene.coordinated and not scene.assembled and len(scene.units) > 2
+    if naive and apart and under_way > 0.0:
         cost = measure_unit_cost(scene, seed, trial.ms_per_s / under_way, _ms_per_s)
     return TrialSpeed(
         scene=scene.name,

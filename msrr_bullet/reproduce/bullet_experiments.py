@@ -20,7 +20,7 @@ from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.sweep import sweep
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.versions import package_versions
-from msrr_scenes.errors import MsrrError
+from msrr_scenes.errors import MsrrError, SceneError
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
@@ -56,7 +56,13 @@ class Experiment:
     overrides: dict[str, str] = field(default_factory=dict)
 
     def load(self, label: str) -> Scene:
-        """Return the scene under one of the controllers, with the perfect calibration that the paper has."""
+        """Return the scene under one of the controllers, with the perfect calibration that the paper has.
+
+        Raises:
+            UnknownNameError: There is no such scene.
+            SceneError: A base station leads it: what is measured is the last step of a plan whose docks are
+                carried out one by one.
+        """
         overrides = {
             "as_built": "perfect",
             **self.overrides,
@@ -64,7 +70,13 @@ class Experiment:
         }
         if label in self.assembly:
             overrides["control.assembly"] = json.dumps(self.assembly[label].model_dump())
-        return load_scene(self.scene, overrides)
+        scene = load_scene(self.scene, overrides)
+        if scene.coordinated:
+            raise SceneError(
+                f"{scene.name}: a base station leads its units; expected a mission whose plan docks one unit"
+                " after the other, such as two_units"
+            )
+        return scene
 
 
 def paper_experiments(docking: dict[str, Choice], mission: str = "two_units") -> tuple[Experiment, ...]:
@@ -174,10 +186,12 @@ def run_trials(
         MsrrError: The scene cannot be run, the program failed in a trial, or the code was changed meanwhile.
     """
     cache = TrialCache(folder, scene)
-    trials = {t.seed: t for t in cache if t.seed in seeds}
+    # A class of a user's own may have failed for what is mended since, such as a missing file.
+    stored = (t for t in cache if t.outcome is not Outcome.PROGRAM_FAILED)
+    trials = {t.seed: t for t in stored if t.seed in seeds}
     counter.add_stored(len(trials))
 
-    def store(found: TrialResult | TrialFailure, stored: bool) -> None:
+    def store(found: TrialResult | TrialFailure, reused: bool) -> None:
         if isinstance(found, MeasuredTrial):
             cache.put(found)
             trials[found.seed] = found
@@ -196,19 +210,23 @@ def run_trials(
 
 def _row(experiment: Experiment, label: str, phase: PhaseName, trials: tuple[MeasuredTrial, ...]) -> Row:
     outcomes = {o.value: sum(t.outcome is o for t in trials) for o in Outcome}
+    # A trial without an approach never settled, unless its law follows no trajectory. An approach of such a
+    # law has an error to the port, and none to the guidance.
+    follows = all("final" in t.measures for t in trials if "port" in t.measures)
     measures = {}
     for measure in MEASURES[phase]:
         values = [t.measures.get(measure.key) for t in trials]
         if measure.key == "clearance":
             values = [t.min_clearance_m for t in trials]
+        if measure.key == "settling" and not follows:
+            values = [None] * len(trials)
         measures[measure.key] = Measured.of([math.nan if v is None else v for v in values])
     flags = {"success": np.array([t.docked for t in trials])}
     if phase == "close":
         # A trial that never came to an approach kept nothing in view.
         flags["in_view"] = np.array([t.kept_in_view is True for t in trials])
         flags["in_cone"] = np.array([t.kept_in_cone is True for t in trials])
-    # Every trial of a law that follows the guidance has a settling time, be it infinite.
-    comparable = phase == "long" or measures["settling"].count > 0
+    comparable = phase == "long" or follows
     return Row(
         controller=experiment.docking[label].name,
         label=label,

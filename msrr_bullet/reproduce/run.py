@@ -61,6 +61,9 @@ def reproduce(
         jobs: Number of processes.
         mission: Scene of the whole mission.
         on_progress: Called with a line of text that says what is done next.
+
+    Raises:
+        MsrrError: The mission does not exist, or cannot be measured, or the program failed in a trial.
     """
     make_folder(out)
 
@@ -69,6 +72,11 @@ def reproduce(
             lines.write(f"{datetime.now():%Y-%m-%d %H:%M:%S} {text}\n")
         on_progress(text)
 
+    docking = {label_of(name): Choice(name=name) for name in _LAWS["docking"]}
+    experiments = paper_experiments(docking, mission) if bullet is not None else ()
+    for experiment in experiments:  # before the minutes of the studies: a mission may not exist
+        for label in experiment.docking:
+            experiment.load(label)
     parts: list[Reproduction] = []
     if unicycle is not None:
         pools = SpawnedPool(jobs) if jobs > 1 else nullcontext()
@@ -76,8 +84,6 @@ def reproduce(
             compared: Contenders = {"long": contenders("assembly"), "close": contenders("docking")}
             parts.append(reproduce_unicycle(unicycle, compared, pool, report))
     if bullet is not None:
-        docking = {label_of(name): Choice(name=name) for name in _LAWS["docking"]}
-        experiments = paper_experiments(docking, mission)
         found = reproduce_bullet(experiments, bullet, out / "trials", jobs, report)
         report("the paper's Fig. 6 in the real loop")
         cell = parts[0].maps[0].paper_cell if parts else PAPER_LIKE

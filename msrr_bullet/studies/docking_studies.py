@@ -66,7 +66,8 @@ def run_docking(
 ) -> StudyResult:
     """Run a trial for each seed; starts and noise are the same for every controller.
 
-    They follow from the first seed and the number of seeds: another range draws others for the same seed.
+    They follow from the first seed and the number of seeds, not from each seed: ranges with the same first
+    seed share their first starts, and others share nothing, even where they overlap.
     """
     setup = setting.dock_setup()
     law = docking_law(controller, setup)

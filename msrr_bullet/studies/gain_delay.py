@@ -102,7 +102,7 @@ def _nearest_to_paper(
         i, j = indices
         total = 0.0
         for cell, paper in ((cells[C1][i][j], final.paper_c1), (cells[C2][i][j], final.paper_c2)):
-            total += math.log((cell.final_p50_m or math.inf) / (paper or math.nan)) ** 2
+            total += math.log(cell.final_p50_m / (paper or math.nan)) ** 2
         return total
 
     i, j = min(np.ndindex(len(gains), len(latencies)), key=squared_log_ratios)

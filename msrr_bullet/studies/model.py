@@ -129,7 +129,7 @@ class MapCell(ResultPart):
     """One controller at one gain and one delay: share of trials docked, and final error to the guidance."""
 
     success: float
-    final_p50_m: float | None
+    final_p50_m: float
 
 
 class GainDelayMap(ResultPart):

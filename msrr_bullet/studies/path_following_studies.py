@@ -21,9 +21,6 @@ from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.spec import Choice
 
-#: Half the body's length and width [m].
-_HALF_BODY = 0.10
-
 #: Distance of the controlled point ahead of the axle [m].
 OFFSET = 0.10
 
@@ -87,7 +84,7 @@ def path_following_row(choice: Choice, label: str, setting: Setting, seeds: rang
         "amplitude_path": result.amplitude_from_path(),
         "recovery": result.recovery_time(),
         "recovery_path": result.recovery_to_path(),
-        "clearance": result.body_distance(_HALF_BODY, _HALF_BODY) - obstacle_m,
+        "clearance": result.body_distance().min(axis=0) - obstacle_m,
     }
     clear = values["clearance"] > 0.0
     within_paper = clear.copy()
@@ -121,11 +118,6 @@ def path_following_series(choice: Choice, setting: Setting, seed: int) -> Series
     last = np.maximum.accumulate(np.where(moving, np.arange(len(moved)), 0))
     heading = np.unwrap(np.arctan2(moved[last, 1], moved[last, 0]))
     yaw_error = np.angle(np.exp(1j * (yaw - heading)))
-    # Distance from the body, a square about the axle, to the centre of the obstacle.
-    c, s = np.cos(yaw), np.sin(yaw)
-    dx, dy = (result.obstacle[0] - result.pose[:, 0, :2]).T
-    ahead = np.maximum(np.abs(c * dx + s * dy) - _HALF_BODY, 0.0)
-    beside = np.maximum(np.abs(c * dy - s * dx) - _HALF_BODY, 0.0)
     auxiliary = {}
     if states:
         auxiliary = {
@@ -142,7 +134,7 @@ def path_following_series(choice: Choice, setting: Setting, seed: int) -> Series
         error=np.column_stack([tip - desired, yaw_error]),
         command=result.command[:, 0],
         twist=result.twist[:, 0],
-        distance=np.hypot(ahead, beside),
+        distance=result.body_distance()[:, 0],
         auxiliary=auxiliary,
         obstacle=(x, y, setting.path_following_starts.obstacle_m or 0.0),
         limits=(limits.v_max_mps, limits.w_max_radps),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Sequence
 
 import numpy as np
 from pydantic import Field
@@ -22,7 +24,7 @@ class Disturbance(Spec):
         sigma_xy_m: Standard deviation of the measured position, drawn anew every step.
         sigma_yaw_deg: Standard deviation of the measured heading.
         sigma_bearing_deg: Standard deviation of each edge angle.
-        delay_s: Age of pose and angles when the law gets them.
+        delay_s: Age of pose and angles when the law gets them, which need not be a number of control periods.
         compensated: Whether each delayed pose, and the angles with it, is moved forward by the odometry since
             its exposure.
         slip: Largest share by which a wheel's path differs from that of its encoder; drawn uniformly for each
@@ -45,20 +47,27 @@ class DisturbedUnicycles:
     Attributes:
         pose: True axle pose, shape (trials, 3).
         twist: Speeds behind the limits, as the encoders measure them, shape (trials, 2).
+        exposed: True axle pose at the instant of which the last measured poses are, shape (trials, 3).
+        delay_steps: Number of whole control periods within which the delay lies.
     """
 
     def __init__(
         self, pose: Array, disturbance: Disturbance, limits: LimitsSpec, dt: float, rng: np.random.Generator
     ) -> None:
         """Place the units at rest at ``pose``, shape (trials, 3); the control period is ``dt`` [s]."""
-        self.pose, self.twist = pose, np.zeros((len(pose), 2))
+        self.pose, self.exposed, self.twist = pose, pose, np.zeros((len(pose), 2))
         self._disturbance, self._limits, self._dt, self._rng = disturbance, limits, dt, rng
         self._odometry = pose
         self._grips = np.ones((len(pose), 2))  # share of its encoder's path that each wheel covers
         if disturbance.slip:
             self._grips += disturbance.slip * rng.uniform(-1.0, 1.0, (len(pose), 2))
-        self.delay_steps = round(disturbance.delay_s / dt)
-        self._delayed: deque[tuple[Array, Array]] = deque(maxlen=self.delay_steps + 1)
+        age = disturbance.delay_s / dt
+        self.delay_steps = math.ceil(age - 1e-9)
+        # Share of the oldest of these periods that had passed when the measurement was made.
+        self._share = max(self.delay_steps - age, 0.0)
+        self._true, self._odometries, self._noise = (
+            deque[Array](maxlen=self.delay_steps + 1) for _ in range(3)
+        )
 
     def measure(self) -> tuple[Array, Array]:
         """Measure the poses, once a step.
@@ -69,9 +78,11 @@ class DisturbedUnicycles:
         """
         d = self._disturbance
         sigma = np.array([d.sigma_xy_m, d.sigma_xy_m, np.radians(d.sigma_yaw_deg)])
-        measured = self.pose + sigma * self._rng.standard_normal(self.pose.shape)
-        self._delayed.append((self._odometry, measured))
-        then, late = self._delayed[0]
+        self._true.append(self.pose)
+        self._odometries.append(self._odometry)
+        self._noise.append(sigma * self._rng.standard_normal(self.pose.shape))
+        then, self.exposed = self._at_exposure(self._odometries), self._at_exposure(self._true)
+        late = self.exposed + self._noise[0]
         if not d.compensated:
             return late, late
         motion = self._odometry - then
@@ -79,10 +90,18 @@ class DisturbedUnicycles:
         moved[:, :2] = late[:, :2] + rotate(motion[:, :2], late[:, 2] - then[:, 2])
         return late, moved
 
+    def _at_exposure(self, history: Sequence[Array]) -> Array:
+        oldest = history[0]
+        if self._share < 1e-9 or len(history) <= self.delay_steps:
+            return oldest  # the delay is a number of periods, or its first instant lies before the start
+        return oldest + self._share * (history[1] - oldest)
+
     @property
     def age_s(self) -> float:
         """Time since the instant that the last measured poses describe, as the law gets them [s]."""
-        return 0.0 if self._disturbance.compensated else self._dt * (len(self._delayed) - 1)
+        if self._disturbance.compensated:
+            return 0.0
+        return min(self._disturbance.delay_s, self._dt * (len(self._true) - 1))
 
     def advance(self, command: Array) -> None:
         """Drive by a command (v, w), shape (trials, 2), for one control period."""

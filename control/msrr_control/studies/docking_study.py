@@ -49,7 +49,6 @@ class StudyResult:
         tip: Controlled point in D, shape (steps, trials, 2) [m].
         reference: The law's guidance trajectory, shape (steps, trials, 2) [m]; NaN if it follows none.
         contact: Step at which the controlled point is at the plane of the face, -1 if never, shape (trials,).
-        redrawn: Number of starts that were drawn again because the target lay outside the outer cone.
     """
 
     dt: float
@@ -60,7 +59,6 @@ class StudyResult:
     tip: Array
     reference: Array
     contact: NDArray[np.int64]
-    redrawn: int
 
     @property
     def at_face(self) -> NDArray[np.bool_]:
@@ -125,12 +123,10 @@ class StudyResult:
         return kept
 
 
-def draw_starts(
-    starts: StartSet, trials: int, setup: DockSetup, rng: np.random.Generator
-) -> tuple[Array, int]:
-    """Draw axle poses in D, (trials, 3), with the target inside the outer cone; count the redraws."""
+def draw_starts(starts: StartSet, trials: int, setup: DockSetup, rng: np.random.Generator) -> Array:
+    """Draw axle poses in D, (trials, 3), again where the target would lie outside the outer cone."""
     kept: list[Array] = []
-    missing, redrawn = trials, 0
+    missing = trials
     half = np.array([starts.spread.x_m, starts.spread.y_m, np.radians(starts.spread.yaw_deg)])
     while missing:
         port = rng.uniform(-half, half, size=(missing, 3))
@@ -139,8 +135,7 @@ def draw_starts(
         fits = np.abs(edge_angles(port, setup.los, setup.camera_offset)).max(axis=-1) < setup.los.outer
         kept.append(port[fits])
         missing -= int(fits.sum())
-        redrawn += int((~fits).sum())
-    return np.concatenate(kept), redrawn
+    return np.concatenate(kept)
 
 
 def run_study(
@@ -173,21 +168,21 @@ def run_study(
     """
     dt = 1.0 / setup.rate_hz
     disturbance = disturbance if disturbance is not None else Disturbance()
-    starting_poses, redrawn = draw_starts(starts, trials, setup, rng)
+    starting_poses = draw_starts(starts, trials, setup, rng)
     units = DisturbedUnicycles(starting_poses, disturbance, setup.limits, dt, rng)
     steps = int(np.ceil(duration / dt))
     poses = np.empty((steps, trials, 3))
     edges, commands, twists, tips, references = (np.empty((steps, trials, 2)) for _ in range(5))
     sigma_bearing = np.radians(disturbance.sigma_bearing_deg)
-    delayed_edges: deque[Array] = deque(maxlen=units.delay_steps + 1)
+    edge_noise: deque[Array] = deque(maxlen=units.delay_steps + 1)
     state: State | None = None
     for k in range(steps):
         poses[k], twists[k] = units.pose, units.twist
         edges[k] = edge_angles(units.pose, setup.los, setup.camera_offset)
         tips[k] = offset_point(units.pose, setup.offset)
         late, measured = units.measure()
-        delayed_edges.append(edges[k] + sigma_bearing * rng.standard_normal(edges[k].shape))
-        measured_edges = delayed_edges[0]
+        edge_noise.append(sigma_bearing * rng.standard_normal(edges[k].shape))
+        measured_edges = edge_angles(units.exposed, setup.los, setup.camera_offset) + edge_noise[0]
         if disturbance.compensated:
             turned = edge_angles(measured, setup.los, setup.camera_offset)
             turned -= edge_angles(late, setup.los, setup.camera_offset)
@@ -205,4 +200,4 @@ def run_study(
         units.advance(commands[k])
     reached = tips[..., 0] >= 0.0
     contact = np.where(reached.any(axis=0), reached.argmax(axis=0), -1)
-    return StudyResult(dt, poses, commands, twists, edges, tips, references, contact, redrawn)
+    return StudyResult(dt, poses, commands, twists, edges, tips, references, contact)

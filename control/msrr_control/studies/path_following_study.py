@@ -21,6 +21,9 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 
 Span = tuple[NonNegative, NonNegative]
 
+#: Half the length and the width of the unit's body, a square about the axle [m].
+HALF_BODY_M = 0.10
+
 
 class PathFollowingStartSet(Spec):
     """A set of circular paths, starts and obstacles, all drawn from uniform distributions.
@@ -110,14 +113,14 @@ class PathFollowingStudyResult:
         """Return the time from the largest distance from the path to the last above 0.05 m, (trials,) [s]."""
         return metrics.recovery_time(self.time, self.from_path(), self.episode())
 
-    def body_distance(self, half_length: float = 0.10, half_width: float = 0.10) -> Array:
-        """Return the smallest distance of the body from the middle of the obstacle, shape (trials,) [m]."""
+    def body_distance(self) -> Array:
+        """Return the distance of the body from the middle of the obstacle, shape (steps, trials) [m]."""
         c, s = np.cos(self.pose[..., 2]), np.sin(self.pose[..., 2])
         dx, dy = self.obstacle[:, 0] - self.pose[..., 0], self.obstacle[:, 1] - self.pose[..., 1]
-        along = np.maximum(np.abs(c * dx + s * dy) - half_length, 0.0)
-        across = np.maximum(np.abs(c * dy - s * dx) - half_width, 0.0)
-        nearest: Array = np.hypot(along, across).min(axis=0)
-        return nearest
+        along = np.maximum(np.abs(c * dx + s * dy) - HALF_BODY_M, 0.0)
+        across = np.maximum(np.abs(c * dy - s * dx) - HALF_BODY_M, 0.0)
+        distance: Array = np.hypot(along, across)
+        return distance
 
 
 def draw_paths(starts: PathFollowingStartSet, trials: int, rng: np.random.Generator) -> tuple[Path, Array]:

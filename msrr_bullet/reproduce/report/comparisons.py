@@ -22,8 +22,8 @@ METHOD = (
     "Controllers are compared trial by trial: start and noise of a trial are the same under each. A rate"
     " counts as different by McNemar's exact test, a quantile by the 95 % interval of a paired bootstrap,"
     " which takes 40 trials or more for a 95th or 5th percentile."
-    f" Each comparison has a level of {100 * LEVEL:g} %: of twenty figures without a difference one is"
-    " listed."
+    f" Each comparison of one figure in one setting has a level of {100 * LEVEL:g} %, and a figure is listed"
+    " if it differs in any: of twenty without a difference in six settings three or four are listed."
 )
 
 _FLAGS: dict[FlagName, str] = {"success": "docked", "in_view": "kept in view", "in_cone": "kept in the cone"}

@@ -97,7 +97,7 @@ def _paper_sentences(chart: GainDelayMap) -> str:
     """Return where on the map the paper's two final errors are most nearly found."""
     gain, latency = chart.paper_cell
     i, j = chart.gains.index(gain), chart.latencies.index(latency)
-    c1_mm, c2_mm = (1e3 * (chart.cells[law][i][j].final_p50_m or 0.0) for law in (C1, C2))
+    c1_mm, c2_mm = (1e3 * chart.cells[law][i][j].final_p50_m for law in (C1, C2))
     final, delay = measure("final"), latency + chart.lag
     latency_mm = 1e3 * PAPER_TRAJECTORY.speed_mps * latency
     docks = [f"{law} docks in {100 * chart.cells[law][i][j].success:.0f} %" for law in (C1, C2)]

@@ -109,7 +109,7 @@ def _draw_paper_cell(axes: Axes, chart: GainDelayMap) -> Patch:
     i, j = chart.gains.index(chart.paper_cell[0]), chart.latencies.index(chart.paper_cell[1])
     final = measure("final")
     papers = f"{1e3 * (final.paper_c1 or 0.0):g} and {1e3 * (final.paper_c2 or 0.0):g} mm"
-    ours = " and ".join(f"{1e3 * (chart.cells[law][i][j].final_p50_m or np.nan):.0f}" for law in (C1, C2))
+    ours = " and ".join(f"{1e3 * chart.cells[law][i][j].final_p50_m:.0f}" for law in (C1, C2))
     ring = Rectangle((j - 0.5, i - 0.5), 1, 1, fill=False, edgecolor=PAPER, linewidth=4.0)
     ring.set_path_effects([effects.Stroke(linewidth=8.0, foreground="white"), effects.Normal()])
     ring.set_label(f"most like the paper: final errors {papers} there, {ours} mm here")

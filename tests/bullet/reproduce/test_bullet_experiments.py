@@ -87,6 +87,22 @@ def test_a_trial_that_never_settled_is_kept_and_counted(blind_loop: dict[str, st
     assert row.within_paper == 1
 
 
+def test_a_law_that_follows_no_trajectory_has_no_settling_time(
+    blind_loop: dict[str, str], tmp_path: Path
+) -> None:
+    """Also where a trial never came to an approach, which for other laws counts as never settled."""
+    graceful = {"GRACEFUL": Choice(name="graceful")}
+    experiment = Experiment("short", "close_range", "", ("close",), graceful, overrides=blind_loop)
+    scene = experiment.load("GRACEFUL")
+    trial = measured_trial(scene, 0)
+    cache = TrialCache(tmp_path, scene)
+    cache.put(trial)
+    cache.put(trial.model_copy(update={"seed": 1, "measures": {"settling": math.inf}}))
+    row = reproduce_bullet([experiment], range(2), tmp_path).tables[0].rows[0]
+    assert row.measures["settling"].count == 0
+    assert (row.met, row.within_paper) == ({}, None)
+
+
 def test_a_trial_is_within_the_paper_if_it_meets_every_value(blind_loop: dict[str, str]) -> None:
     trial = measured_trial(load_scene("close_range", blind_loop), 0)
     assert isinstance(trial, MeasuredTrial)

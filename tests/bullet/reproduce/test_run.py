@@ -13,6 +13,7 @@ from msrr_bullet.reproduce.run import contenders, joined, reproduce, write_all
 from msrr_bullet.studies.ablations import VARIANTS
 from msrr_bullet.studies.model import Reproduction
 from msrr_bullet.studies.settings import HARD, STANDARD
+from msrr_scenes.errors import MsrrError
 from msrr_scenes.specs.spec import Choice
 
 
@@ -131,3 +132,15 @@ def test_a_reproduction_writes_report_figures_and_json_and_tells_its_progress(
     for image in images:
         assert image.read_bytes().startswith(b"\x89PNG")
     assert Reproduction.model_validate_json((out / "reproduction.json").read_text()) == unicycle_results
+
+
+@pytest.mark.parametrize(
+    ("mission", "said"), [("two_unit", "did you mean 'two_units'"), ("dock_again", "a base station leads")]
+)
+def test_a_mission_that_cannot_be_measured_is_refused_before_the_studies(
+    mission: str, said: str, tmp_path: Path
+) -> None:
+    lines: list[str] = []
+    with pytest.raises(MsrrError, match=said):
+        reproduce(tmp_path, unicycle=range(1), bullet=range(1), mission=mission, on_progress=lines.append)
+    assert lines == []

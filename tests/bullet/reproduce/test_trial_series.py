@@ -40,7 +40,7 @@ def _study(off: np.ndarray, contact: int) -> StudyResult:
     tip = np.stack([np.linspace(-0.5, 0.0, steps), off], axis=-1)[:, None]
     pairs = np.zeros((steps, 1, 2))
     return StudyResult(
-        DT, np.zeros((steps, 1, 3)), pairs, pairs, pairs, tip, tip * [1.0, 0.0], np.array([contact]), 0
+        DT, np.zeros((steps, 1, 3)), pairs, pairs, pairs, tip, tip * [1.0, 0.0], np.array([contact])
     )
 
 

@@ -39,7 +39,7 @@ def test_captured_trials_are_at_the_face_within_both_bounds() -> None:
     tip, pose = pairs.copy(), np.zeros((2, 5, 3))
     tip[1, :, 1], pose[1, :, 2] = [y for y, _ in at_face], np.radians([yaw for _, yaw in at_face])
     contact = np.array([1, 1, 1, 1, -1])
-    result = StudyResult(0.02, pose, pairs, pairs, pairs, tip, pairs, contact, 0)
+    result = StudyResult(0.02, pose, pairs, pairs, pairs, tip, pairs, contact)
     assert captured(result).tolist() == [True, False, True, False, False]
 
 

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from msrr_bullet.studies.docking_studies import run_docking
 from msrr_bullet.studies.search_space import shipped_values
 from msrr_bullet.studies.settings import Setting
-from msrr_bullet.studies.tuning import Objective, tune
+from msrr_bullet.studies.tuning import SETTINGS, Objective, tune
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.specs.spec import Choice
 
@@ -46,3 +47,24 @@ def test_misuse_is_answered() -> None:
         tune("lineer")
     with pytest.raises(ValueError, match="at least 32"):
         tune("linear", budget=10)
+
+
+@pytest.mark.parametrize("setting", SETTINGS, ids=lambda setting: setting.name)
+def test_no_start_that_is_tuned_on_is_one_of_the_reproduction(
+    setting: Setting, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[range] = []
+
+    def cost(self: Objective, choice: Choice) -> float:
+        seen.append(self.seeds)
+        return 1.0
+
+    monkeypatch.setattr(Objective, "cost", cost)
+    tune("linear", budget=32)
+    reported, *tuned = (
+        run_docking(Choice(name="linear"), setting, seeds, duration_s=0.02).pose[0]
+        for seeds in (range(200), *dict.fromkeys(seen))
+    )
+    assert len(tuned) == 2  # those tuned on, and those of the last judgement
+    for starts in tuned:
+        assert not (starts[:, None] == reported).all(axis=-1).any()

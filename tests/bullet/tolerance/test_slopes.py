@@ -52,16 +52,16 @@ def _held(draw: Callable[[int], np.ndarray], truth: float, trials: int, docks: i
 
 
 @pytest.mark.parametrize("trials", [10, 20, 30])
-@pytest.mark.parametrize(("mean", "docks"), [(0.0, 1), (0.0, 3), (1.0, 1)])
+@pytest.mark.parametrize(("mean", "docks"), [(0.0, 1), (0.0, 3), (1.0, 1), (14.0, 1)])
 def test_intervals_hold_the_truth_as_often_as_they_say(trials: int, mean: float, docks: int) -> None:
-    """Of 1000 intervals of 95 % from normal changes 915 or more hold the truth.
+    """Of 1000 intervals of 95 % from normal changes 925 or more hold the truth.
 
-    They cover 94 to 96 %, so that fewer have odds below 1e-3 whatever the seed is. A percentile bootstrap
-    covers 83, 88 and 89 % with 10, 20 and 30 trials: it reaches 915 with odds below 1 %.
+    They cover 94.8 to 95.8 %, so that fewer have odds below 1e-3 whatever the seed is. A percentile bootstrap
+    covers 83, 88 and 89 % with 10, 20 and 30 trials: it reaches 925 with odds below 1 %.
     """
-    rng = np.random.default_rng(1)
+    rng = np.random.default_rng(3)
     truth = math.hypot(mean, 0.7)
-    assert _held(lambda n: mean + 0.7 * rng.standard_normal(n), truth, trials, docks) >= 0.915
+    assert _held(lambda n: mean + 0.7 * rng.standard_normal(n), truth, trials, docks) >= 0.925
 
 
 @pytest.mark.parametrize(("trials", "least"), [(10, 0.75), (20, 0.71), (30, 0.69)])

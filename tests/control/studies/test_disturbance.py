@@ -76,6 +76,29 @@ def test_a_delay_is_compensated_by_odometry_unless_it_is_not() -> None:
     np.testing.assert_allclose(moved, poses[-1], atol=1e-9)
 
 
+@pytest.mark.parametrize("delay_s", [0.0, 0.02, 0.05, 0.06, 0.07, 0.13])
+def test_a_delay_is_as_long_as_it_says(delay_s: float) -> None:
+    """50, 70 and 130 ms are no number of control periods of 20 ms."""
+    blind, seeing = (
+        DisturbedUnicycles(
+            np.zeros((1, 3)),
+            Disturbance(delay_s=delay_s, compensated=compensated),
+            NORMAL,
+            0.02,
+            np.random.default_rng(0),
+        )
+        for compensated in (False, True)
+    )
+    for _ in range(100):
+        (_, late), (_, moved) = blind.measure(), seeing.measure()
+        x = blind.pose[0, 0]
+        for units in (blind, seeing):
+            units.advance(np.array([[0.1, 0.0]]))
+    assert blind.age_s == pytest.approx(delay_s)
+    assert (x - late[0, 0]) / 0.1 == pytest.approx(delay_s, abs=1e-9)
+    assert moved[0, 0] == pytest.approx(x)
+
+
 def test_the_units_of_a_study_lag_a_ramp_by_one_over_kappa() -> None:
     """What is driven in a step of 20 ms, against the command that is held in it."""
     for setting in ("normal", "tight"):

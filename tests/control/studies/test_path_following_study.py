@@ -72,7 +72,7 @@ def test_the_unit_ends_on_the_lead_in(noisy: PathFollowingStudyResult) -> None:
 
 def test_without_the_envelope_it_drives_through() -> None:
     result = _study(C1PathFollowingParams(envelope=False), trials=50)
-    assert (result.body_distance() < BODY_M).all()
+    assert (result.body_distance().min(axis=0) < BODY_M).all()
 
 
 def test_the_spring_adds_a_margin(ideal: PathFollowingStudyResult) -> None:
