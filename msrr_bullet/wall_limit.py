@@ -5,12 +5,14 @@ from __future__ import annotations
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from types import FrameType
+from typing import TypeVar
 
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.guarded import called_in
+
+Result = TypeVar("Result")
 
 #: Limit of the command line [s]. The slowest shipped scene takes about a minute on one core.
 DEFAULT_WALL_LIMIT_S = 600.0
@@ -30,24 +32,20 @@ class _Reached(BaseException):
     """The limit is reached; no handler of ``Exception``, such as one in a user's class, stops it."""
 
 
-@contextmanager
-def wall_limit(limit_s: float | None) -> Iterator[Callable[[], None]]:
-    """Stop the body of a ``with`` block once it has taken ``limit_s`` seconds; None sets no limit.
+def within_wall_limit(limit_s: float | None, body: Callable[[Callable[[], None]], Result]) -> Result:
+    """Return what a function returns, or stop it once it has taken ``limit_s`` seconds; None sets no limit.
 
     In the main thread of a process a signal interrupts any Python code, also code that never ends; what runs
-    outside of Python ends first. In other threads, which get no signals, the limit holds where the block
-    calls the function that it is given. The error names the class of a user's own that was called then.
-
-    Yields:
-        A function that raises if the limit is reached.
+    outside of Python ends first. In other threads, which get no signals, the limit holds where ``body`` calls
+    the function that it is given, which raises if the limit is reached. The error names the class of a user's
+    own that was called then.
 
     Raises:
         WallLimitError: The limit was reached.
         ValueError: The limit is no time that a clock can wait for.
     """
     if limit_s is None:
-        yield lambda: None
-        return
+        return body(lambda: None)
     if not 0.0 < limit_s <= MAX_WALL_LIMIT_S:
         raise ValueError(
             f"expected a limit above 0 s and up to {MAX_WALL_LIMIT_S:g} s on the wall clock, or None for no "
@@ -70,13 +68,15 @@ def wall_limit(limit_s: float | None) -> Iterator[Callable[[], None]]:
 
     try:
         if threading.current_thread() is not threading.main_thread():
-            yield check
-            return
+            return body(check)
         before = signal.signal(signal.SIGALRM, interrupt)
         timer, interval = signal.setitimer(signal.ITIMER_REAL, limit_s, _AGAIN_S)
         try:
-            yield check
-        finally:
+            try:
+                return body(check)
+            finally:
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+        finally:  # also where the alarm comes just before it is switched off
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, before)
             if timer > 0.0:  # one of the program around, which goes on

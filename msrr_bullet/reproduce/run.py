@@ -16,7 +16,7 @@ from msrr_bullet.reproduce.report.map_plot import draw_map
 from msrr_bullet.reproduce.report.panel_plot import draw_panels
 from msrr_bullet.reproduce.report.strip_plot import draw_strips
 from msrr_bullet.reproduce.unicycle_studies import Contenders, reproduce_unicycle
-from msrr_bullet.run_folder import make_folder
+from msrr_bullet.run_folder import locked, make_folder
 from msrr_bullet.studies.gain_delay import PAPER_LIKE
 from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.model import Reproduction
@@ -63,34 +63,36 @@ def reproduce(
         on_progress: Called with a line of text that says what is done next.
 
     Raises:
-        MsrrError: The mission does not exist, or cannot be measured, or the program failed in a trial.
+        MsrrError: The mission does not exist, or cannot be measured, the program failed in a trial, or
+            another reproduction is under way in this folder.
     """
     make_folder(out)
+    docking = {label_of(name): Choice(name=name) for name in _LAWS["docking"]}
+    experiments = paper_experiments(docking, mission) if bullet is not None else ()
+    for experiment in experiments:  # before the minutes of the studies: a mission may not exist
+        for label in experiment.docking:
+            experiment.load(label)
 
     def report(text: str) -> None:
         with (out / "progress.txt").open("a", encoding="utf-8") as lines:
             lines.write(f"{datetime.now():%Y-%m-%d %H:%M:%S} {text}\n")
         on_progress(text)
 
-    docking = {label_of(name): Choice(name=name) for name in _LAWS["docking"]}
-    experiments = paper_experiments(docking, mission) if bullet is not None else ()
-    for experiment in experiments:  # before the minutes of the studies: a mission may not exist
-        for label in experiment.docking:
-            experiment.load(label)
-    parts: list[Reproduction] = []
-    if unicycle is not None:
-        pools = SpawnedPool(jobs) if jobs > 1 else nullcontext()
-        with pools as pool:
-            compared: Contenders = {"long": contenders("assembly"), "close": contenders("docking")}
-            parts.append(reproduce_unicycle(unicycle, compared, pool, report))
-    if bullet is not None:
-        found = reproduce_bullet(experiments, bullet, out / "trials", jobs, report)
-        report("the paper's Fig. 6 in the real loop")
-        cell = parts[0].maps[0].paper_cell if parts else PAPER_LIKE
-        parts.append(found.model_copy(update={"figure6": (bullet_figure6(bullet.start, cell),)}))
-    whole = joined(parts)
-    report("figures and report")
-    write_all(whole, out)
+    with locked(out):
+        parts: list[Reproduction] = []
+        if unicycle is not None:
+            pools = SpawnedPool(jobs) if jobs > 1 else nullcontext()
+            with pools as pool:
+                compared: Contenders = {"long": contenders("assembly"), "close": contenders("docking")}
+                parts.append(reproduce_unicycle(unicycle, compared, pool, report))
+        if bullet is not None:
+            found = reproduce_bullet(experiments, bullet, out / "trials", jobs, report)
+            report("the paper's Fig. 6 in the real loop")
+            cell = parts[0].maps[0].paper_cell if parts else PAPER_LIKE
+            parts.append(found.model_copy(update={"figure6": (bullet_figure6(bullet.start, cell),)}))
+        whole = joined(parts)
+        report("figures and report")
+        write_all(whole, out)
     return whole
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from msrr_bullet.statistics import Quantiles, Rate, quantile, quantiles, wilson
-from msrr_bullet.studies.measures import PhaseName, measure
+from msrr_bullet.studies.measures import OBSTACLE_MEASURES, PhaseName, measure
 from msrr_bullet.studies.result_part import ResultPart
 from msrr_bullet.studies.series import Figure6, Panels
 from msrr_scenes.arrays import Array
@@ -88,8 +88,8 @@ class Row(ResultPart):
             Trials of the same number have the same start and noise under every controller of a table.
         measures: Measures by key, see :mod:`msrr_bullet.studies.measures`.
         outcomes: Number of trials by the judge's verdict, where there is a judge.
-        met: By key, the number of trials that meet the paper's value of its own law, out of those that have
-            the measure.
+        met: By key, the number of trials that meet the paper's value of its own law, out of those to which it
+            applies: see :func:`count_within_paper`.
         within_paper: Number of trials that ended well and meet every value of the paper.
     """
 
@@ -242,11 +242,15 @@ def rates_of(**flags: NDArray[np.bool_]) -> dict[str, Any]:
 
 
 def count_within_paper(values_by_key: Mapping[str, Iterable[float] | Array]) -> dict[str, Count]:
-    """Count by key the values that meet the paper's value of its own law; NaN is a trial without a value."""
+    """Count by key the values that meet the paper's value of its own law; NaN is a trial without a value.
+
+    A path that met no obstacle has neither amplitude nor recovery, and does not count there. A trial that
+    lacks any other measure does not meet it.
+    """
     counts = {}
     for key, values in values_by_key.items():
         bound = measure(key).paper_c1
         if bound is not None:
-            known = [v for v in values if not math.isnan(v)]
-            counts[key] = Count(n=sum(v <= bound for v in known), of=len(known))
+            counted = [v for v in values if not (math.isnan(v) and key in OBSTACLE_MEASURES)]
+            counts[key] = Count(n=sum(v <= bound for v in counted), of=len(counted))
     return counts

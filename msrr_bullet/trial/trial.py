@@ -12,7 +12,7 @@ from msrr_bullet.trial.mission import Mission, PlannedMission
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress, Telemetry
 from msrr_bullet.trial.verdict import verdict_on_trial
-from msrr_bullet.wall_limit import wall_limit
+from msrr_bullet.wall_limit import within_wall_limit
 from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.errors import ChangedFileError
 from msrr_scenes.loading.load import scene_hash
@@ -60,8 +60,7 @@ class Trial:
             WallLimitError: The trial took longer.
             ChangedFileError: A file of the scene was written while the trial ran.
         """
-        with wall_limit(wall_limit_s) as check_clock:
-            return self._run(check_clock)
+        return within_wall_limit(wall_limit_s, self._run)
 
     def _run(self, check_clock: Callable[[], None]) -> TrialResult:
         digest = scene_hash(self.scene)

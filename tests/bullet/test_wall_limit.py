@@ -17,7 +17,7 @@ from msrr_bullet.log import read_log
 from msrr_bullet.run import run_trial
 from msrr_bullet.sweep.sweep import sweep
 from msrr_bullet.sweep.worker_pool import SupportsSubmit
-from msrr_bullet.wall_limit import WallLimitError, wall_limit
+from msrr_bullet.wall_limit import WallLimitError, within_wall_limit
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
@@ -111,8 +111,7 @@ def test_the_timer_and_the_handler_of_the_program_around_are_kept() -> None:
     try:
         signal.signal(signal.SIGALRM, mine)
         signal.setitimer(signal.ITIMER_REAL, 0.3)
-        with wall_limit(100.0):
-            time.sleep(0.1)
+        within_wall_limit(100.0, lambda _: time.sleep(0.1))
         assert signal.getsignal(signal.SIGALRM) is mine
         assert 0.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 0.2
         time.sleep(0.4)
@@ -125,21 +124,44 @@ def test_the_timer_and_the_handler_of_the_program_around_are_kept() -> None:
 def test_an_error_that_compiled_code_makes_of_the_interrupt_is_the_limit() -> None:
     """As numba does where it returns a named tuple: an error of C code that is itself an ``Exception``."""
 
-    def interrupted_in_compiled_code() -> None:
+    def interrupted_in_compiled_code(_: object) -> None:
         try:
             while True:
                 time.sleep(0.01)
         except BaseException as error:
             raise SystemError("returned a result with an exception set") from error
 
-    with pytest.raises(WallLimitError, match=r"after 0\.2 s"), wall_limit(0.2):
-        interrupted_in_compiled_code()
-    with pytest.raises(SystemError), wall_limit(100.0):
+    def fail(_: object) -> None:
         raise SystemError("another one")
+
+    with pytest.raises(WallLimitError, match=r"after 0\.2 s"):
+        within_wall_limit(0.2, interrupted_in_compiled_code)
+    with pytest.raises(SystemError):
+        within_wall_limit(100.0, fail)
+
+
+def test_an_alarm_as_the_trial_ends_leaves_nothing_behind() -> None:
+    """The limit is reached within 60 us of the end: a timer or handler was left, or another error came."""
+    handler, ends = signal.getsignal(signal.SIGALRM), set()
+    around_s, _ = signal.getitimer(signal.ITIMER_REAL)  # of pytest, which stops a test that never ends
+    for i in range(3000):
+        until = time.perf_counter() + 3e-4 + 2e-8 * (i - 1500)
+
+        def body(_: object, until: float = until) -> str:
+            while time.perf_counter() < until:
+                pass
+            return "ended"
+
+        try:
+            ends.add(within_wall_limit(3e-4, body))
+        except WallLimitError:
+            ends.add("stopped")
+        assert signal.getsignal(signal.SIGALRM) is handler
+        assert around_s - 30.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= around_s
+    assert ends == {"ended", "stopped"}
 
 
 @pytest.mark.parametrize("limit_s", [0.0, -1.0, float("inf"), float("nan")])
 def test_a_limit_that_is_no_time_is_refused(limit_s: float) -> None:
-    said = r"expected a limit above 0 s .* or None for no limit, found"
-    with pytest.raises(ValueError, match=said), wall_limit(limit_s):
-        pass
+    with pytest.raises(ValueError, match=r"expected a limit above 0 s .* or None for no limit, found"):
+        within_wall_limit(limit_s, lambda _: None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -93,10 +94,10 @@ def _compare_measure(table: Table, measure: Measure, first: Row, second: Row) ->
         return []
     difference = paired_difference(b, a, measure.tail)
     sign = 1.0 if measure.more_is_better else -1.0
-    ours, theirs = (format_value(quantile(v, measure.tail), measure) for v in (a, b))
+    before, after = (format_value(quantile(v, measure.tail), measure) for v in (a, b))
     of = "" if a.size == first.trials else f", {a.size} trials"
     figure = f"{measure.label}, {100 * measure.tail:.0f}th percentile"
-    text = f"{figure} {theirs} instead of {ours} {measure.unit} ({table.setting}{of}"
+    text = f"{figure} {after} instead of {before} {measure.unit} ({table.setting}{of}"
     if difference.interval is None:
         return [Change(figure, None, f"{text}; too few trials)")]
     effect = sign * difference.value if difference.is_apart else 0.0
@@ -114,7 +115,8 @@ def shared_values(measure: Measure, first: Row, second: Row) -> tuple[Array, Arr
 
 def format_interval(interval: tuple[float, float], measure: Measure) -> str:
     """Return the interval of a difference in the unit of the measure, without the unit."""
-    return " .. ".join(f"{'-' if x < 0.0 else '+'}{format_value(abs(x), measure)}" for x in interval)
+    signs = ("" if math.isinf(x) else "-" if x < 0.0 else "+" for x in interval)
+    return " .. ".join(sign + format_value(abs(x), measure) for sign, x in zip(signs, interval, strict=True))
 
 
 def largest(changes: Sequence[Change], sign: float) -> list[str]:

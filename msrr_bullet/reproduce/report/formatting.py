@@ -16,7 +16,10 @@ def format_rate(rate: Rate) -> str:
 
 def format_value(value: float, measure: Measure) -> str:
     """Return a value in the unit of the measure, without the unit; an infinite value is ``never``."""
-    return "never" if math.isinf(value) else f"{measure.scale * value:.3g}"
+    if math.isinf(value):
+        return "never"
+    shown = measure.scale * value
+    return f"{shown:.3g}" if abs(shown) < 999.5 else f"{shown:.0f}"
 
 
 def format_quantiles(row: Row, measure: Measure) -> str:

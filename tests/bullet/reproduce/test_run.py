@@ -10,6 +10,7 @@ from msrr_bullet.reproduce.progress import ProgressListener
 from msrr_bullet.reproduce.report.findings import requirements
 from msrr_bullet.reproduce.report.ranking import COLUMNS, default_controller_text, ranking_text
 from msrr_bullet.reproduce.run import contenders, joined, reproduce, write_all
+from msrr_bullet.run_folder import locked
 from msrr_bullet.studies.ablations import VARIANTS
 from msrr_bullet.studies.model import Reproduction
 from msrr_bullet.studies.settings import HARD, STANDARD
@@ -132,6 +133,12 @@ def test_a_reproduction_writes_report_figures_and_json_and_tells_its_progress(
     for image in images:
         assert image.read_bytes().startswith(b"\x89PNG")
     assert Reproduction.model_validate_json((out / "reproduction.json").read_text()) == unicycle_results
+
+
+def test_a_folder_is_for_one_reproduction_at_a_time(tmp_path: Path) -> None:
+    """Of two, one cut off the line that the other was writing."""
+    with locked(tmp_path), pytest.raises(MsrrError, match="under way in this folder; choose another --out"):
+        reproduce(tmp_path, unicycle=range(1))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from msrr_bullet.reproduce.report.formatting import format_quantiles, format_rate
+from msrr_bullet.reproduce.report.comparisons import format_interval
+from msrr_bullet.reproduce.report.formatting import format_quantiles, format_rate, format_value
 from msrr_bullet.statistics import wilson
 from msrr_bullet.studies.measures import MEASURES, measure
 from msrr_bullet.studies.model import Measured, Row, rate_of
@@ -35,6 +36,12 @@ def test_trials_without_a_value_are_counted(values: list[float], text: str) -> N
         measures={"settling": Measured.of(values)},
     )
     assert format_quantiles(row, measure("settling")) == text
+
+
+def test_values_and_intervals_are_never_powers_of_ten() -> None:
+    tracking, recovery = measure("tracking"), measure("recovery")
+    assert [format_value(v, tracking) for v in (0.02, 0.99949, 1.3)] == ["20", "999", "1300"]
+    assert format_interval((-0.3, math.inf), recovery) == "-0.3 .. never"
 
 
 @pytest.mark.parametrize("what", ALL, ids=lambda m: m.key)
