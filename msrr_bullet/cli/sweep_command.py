@@ -146,12 +146,14 @@ def sweep(
     from msrr_bullet.cli.console_report import sweep_table
     from msrr_bullet.sensors.preparation import prepare_cameras
     from msrr_bullet.sweep.dask_cluster import dask_cluster
+    from msrr_bullet.sweep.provenance import code_fingerprint
     from msrr_bullet.sweep.sweep import summary_of
     from msrr_bullet.sweep.sweep import sweep as run_sweep
     from msrr_bullet.sweep.trial_store import StoreError
     from msrr_bullet.sweep.trial_table import trials_csv
 
     console = open_console(stderr=STANDARD_OUTPUT in (json_file, csv_file))
+    code = code_fingerprint(loaded)
     stopped: Terminated | StoreError | ChangedFileError | None = None
     summary: SweepSummary | None = None
     try:
@@ -170,7 +172,9 @@ def sweep(
                     if not ended.of(wanted):
                         raise
                     stopped = error
-                    summary = summary_of(loaded, ended.of(wanted), reused=ended.reused, interrupted=True)
+                    summary = summary_of(
+                        loaded, code, ended.of(wanted), reused=ended.reused, interrupted=True
+                    )
             rows = ended.of(wanted)
             # Before anything is shown, for the reader of the standard output may have gone away.
             write_outputs([(json_file, summary.to_json), (csv_file, lambda: trials_csv(rows))])

@@ -52,7 +52,7 @@ def sweep(
     """
     if isinstance(seeds, str) or not isinstance(seeds, Iterable):
         raise TypeError(f"seeds are integers, such as range(20), found {seeds!r}")
-    wanted = list(dict.fromkeys(seeds))
+    wanted, code = list(dict.fromkeys(seeds)), code_fingerprint(scene)
     finished = run_trials(
         [(scene, wanted)],
         jobs,
@@ -64,16 +64,17 @@ def sweep(
     )
     by_seed = {seed: outcome for (_, seed), outcome in finished.outcomes.items()}
     ended = [by_seed[seed] for seed in wanted if seed in by_seed]
-    return summary_of(scene, ended, reused=finished.reused, interrupted=finished.interrupted)
+    return summary_of(scene, code, ended, reused=finished.reused, interrupted=finished.interrupted)
 
 
 def summary_of(
-    scene: Scene, ended: Sequence[TrialResult | TrialFailure], *, reused: int, interrupted: bool
+    scene: Scene, code: str, ended: Sequence[TrialResult | TrialFailure], *, reused: int, interrupted: bool
 ) -> SweepSummary:
     """Return the summary of trials of a scene.
 
     Args:
         scene: The scene.
+        code: Fingerprint of the code when they began.
         ended: Results and failures of the trials that have ended, in the order of the summary.
         reused: Number of results taken from a store.
         interrupted: Whether the sweep was stopped before all trials were run.
@@ -82,7 +83,7 @@ def summary_of(
     return summarise(
         scene,
         results[0].scene_hash if results else scene_hash(scene),
-        code_fingerprint(scene),
+        code,
         results,
         [outcome for outcome in ended if isinstance(outcome, TrialFailure)],
         reused=reused,
