@@ -335,13 +335,21 @@ def test_photographs_of_a_walk_are_read_to_the_end(photographs: Path, tmp_path: 
         " distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]},"
         " camera_matrix: {rows: 3, cols: 3, data: [765.0, 0, 393.72, 0, 764.18, 304.66, 0, 0, 1]}}"
     )
-    told = ["--calibration", str(camera), "--tag-size", "0.05", "--refine-lens", "--out", str(tmp_path)]
+    told = [
+        "--calibration",
+        str(camera),
+        "--tag-size",
+        "0.05",
+        "--refine-lens",
+        "--out",
+        str(tmp_path / "map"),
+    ]
     assert run(["map", str(pictures), *told]) == 0
     target = tmp_path / "walls.yaml"
     target.write_text(
-        "marker: {map: map.yaml, dock: {z_m: -0.5}}\n"
+        "marker: {map: map/map.yaml, dock: {z_m: -0.5}}\n"
         "robot: {camera: {z_m: 0.5}, speed_mps: 1.5, turn_rate_radps: 3}\n"
-        "camera: {rate_hz: 1, calibration: camera.yaml}\n"
+        "camera: {rate_hz: 1, calibration: map/camera.yaml}\n"
         "control: {estimator: {params: {tilt_sigma_deg: 10}}}\n"
     )
     assert run(["perceive", str(pictures), "--target", str(target), "--out", str(tmp_path / "out")]) == 0
