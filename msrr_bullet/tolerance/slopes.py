@@ -57,7 +57,7 @@ def _interval(error: Array, change: Array, seed: Array, rms: float, mean: float)
         wider = (student.ppf(0.975, n - 1) / norm.ppf(0.975)) ** 2
         variance *= 1.0 + (wider - 1.0) * constant**2
     variance = max(variance, 2.0 / n * (1.0 - constant**2), 1e-16)
-    freedom = 2.0 / variance
+    freedom = max(2.0 / variance, 1.0)  # one value has one, and several that scatter have no fewer
     low, high = (rms * float(np.sqrt(freedom / chi2.ppf(p, freedom))) for p in (0.975, 0.025))
     return low, high
 

@@ -19,6 +19,9 @@ MAX_ROWS = 26
 
 _ROW_IN, _WIDTH_IN = 0.36, 10.0
 
+#: Edge of the left half, over its longest bar.
+_EDGE = 1.6
+
 #: Width of a bar of the right half [pt].
 _BAR = 7.0
 
@@ -61,6 +64,8 @@ def _used(effect: EffectResult) -> float:
 
 
 def _draw_added(axes: Axes, shown: list[EffectResult]) -> None:
+    ends = [effect.step * effect.lateral.high for effect in shown if effect.lateral is not None]
+    edge = _EDGE * max(map(_added_mm, shown))
     for graded, label in ((True, "one sigma of careful"), (False, "a size that no grade has")):
         rows = [(i, e) for i, e in enumerate(shown) if e.graded is graded and e.lateral is not None]
         if not rows:
@@ -80,9 +85,10 @@ def _draw_added(axes: Axes, shown: list[EffectResult]) -> None:
             xerr=[below, above],
             error_kw={"ecolor": css(ORANGE), "elinewidth": 2.0},
         )
-    axes.set_xlim(left=0.0)
+    cut = max(ends, default=0.0) > edge > 0.0  # an interval of a few trials would leave the bars no room
+    axes.set_xlim(0.0, edge if cut else None)
     axes.grid(visible=False, axis="y")
-    axes.set_xlabel("adds laterally, RMS [mm]")
+    axes.set_xlabel(f"adds laterally, RMS [mm]{'; longer intervals cut' if cut else ''}")
 
 
 def _draw_reach(axes: Axes, shown: list[EffectResult]) -> None:

@@ -76,6 +76,9 @@ def test_one_trial_bounds_a_slope_as_little_as_one_value_does() -> None:
     found = fit_slope(np.array([2.0]), np.array([1.0]), np.array([0]), drawn=False)
     assert found.low < 0.5 * found.rms
     assert found.high > 10.0 * found.rms
+    # Nor do two that scatter. Their upper bound was 1e8 times the value, by degrees of freedom near 0.
+    two = fit_slope(np.array([1.0, 1.0]), np.array([1.0, 0.2]), np.array([0, 1]), drawn=False)
+    assert two.high == pytest.approx(two.rms * found.high / found.rms, rel=0.3)
 
 
 def trial(seed: int, error: float | None, **lateral_mm: float) -> StudyTrial:
