@@ -88,7 +88,7 @@ def _draw_added(axes: Axes, shown: list[EffectResult]) -> None:
     cut = max(ends, default=0.0) > edge > 0.0  # an interval of a few trials would leave the bars no room
     axes.set_xlim(0.0, edge if cut else None)
     axes.grid(visible=False, axis="y")
-    axes.set_xlabel(f"adds laterally, RMS [mm]{'; longer intervals cut' if cut else ''}")
+    axes.set_xlabel("adds laterally, RMS [mm]" + ("\n(longer intervals are cut)" if cut else ""))
 
 
 def _draw_reach(axes: Axes, shown: list[EffectResult]) -> None:
