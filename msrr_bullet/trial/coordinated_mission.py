@@ -21,7 +21,7 @@ from msrr_bullet.trial.mission_figures import MissionRecord
 from msrr_bullet.trial.result import MissionFigures
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.unit_runner import UnitRunner
-from msrr_bullet.trial.verdict import Verdict
+from msrr_bullet.trial.verdict import Verdict, time_is_up
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, Detections, GlobalPose
@@ -137,8 +137,7 @@ class CoordinatedMission(Mission):
             self.record.ended(now_ns, step)
         status = self._base.program.status
         if now_ns >= self._deadline_ns:
-            limit = f"the time limit of {self._scene.time_limit_s:g} s is over"
-            self._end(Verdict(Outcome.TIMEOUT, limit))
+            self._end(time_is_up(self._scene.time_limit_s))
         elif status.state is not MissionState.RUNNING and not self._anybody_moves():
             complete = status.state is MissionState.COMPLETE
             self._end(Verdict(Outcome.COMPLETE if complete else Outcome.INCOMPLETE, status.reason))

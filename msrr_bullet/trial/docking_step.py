@@ -18,7 +18,7 @@ from msrr_bullet.trial.judge import Judge
 from msrr_bullet.trial.step_result import AssemblyFigures, AttemptRecord, PlanarPose, Seating, StepResult
 from msrr_bullet.trial.step_result import Belief as BeliefName
 from msrr_bullet.trial.unit_runner import UnitRunner
-from msrr_bullet.trial.verdict import Verdict
+from msrr_bullet.trial.verdict import Verdict, time_is_up
 from msrr_scenes.messages import Action, Belief, Conviction, LockPosition, Phase, Twist, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.faults import PortPlugged
@@ -143,8 +143,7 @@ class DockingStep:
         elif self.action.phase is Phase.FAILED:
             self.end(self._verdict_gave_up())
         elif timed_out:
-            limit = f"the time limit of {self._scene.time_limit_s:g} s is over"
-            self.end(Verdict(Outcome.TIMEOUT, limit))
+            self.end(time_is_up(self._scene.time_limit_s))
         return self.verdict is not None
 
     def end(self, verdict: Verdict) -> None:

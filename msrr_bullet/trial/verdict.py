@@ -28,6 +28,11 @@ class Verdict:
     reason: str = ""
 
 
+def time_is_up(limit_s: float) -> Verdict:
+    """Return the verdict on what has not ended within the time limit of its scene [s]."""
+    return Verdict(Outcome.TIMEOUT, f"the time limit of {limit_s:g} s is over")
+
+
 def decisive_step(steps: Sequence[StepResult]) -> StepResult:
     """Return the first step to end without success; the last one if all have succeeded.
 
