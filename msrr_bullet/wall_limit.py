@@ -66,27 +66,37 @@ def within_wall_limit(limit_s: float | None, body: Callable[[Callable[[], None]]
         interrupted = True
         raise _Reached
 
-    try:
-        if threading.current_thread() is not threading.main_thread():
-            return body(check)
-        before = signal.signal(signal.SIGALRM, interrupt)
-        timer, interval = signal.setitimer(signal.ITIMER_REAL, limit_s, _AGAIN_S)
+    if threading.current_thread() is not threading.main_thread():
         try:
-            try:
-                return body(check)
-            finally:
-                signal.setitimer(signal.ITIMER_REAL, 0.0)
-        finally:  # also where the alarm comes just before it is switched off
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-            signal.signal(signal.SIGALRM, before)
-            if timer > 0.0:  # one of the program around, which goes on
-                left = timer - (time.monotonic() - begun)
-                signal.setitimer(signal.ITIMER_REAL, max(left, 1e-3), interval)
+            return body(check)
+        except _Reached:
+            raise _stopped(limit_s, inside) from None
+    before, around = signal.getsignal(signal.SIGALRM), signal.getitimer(signal.ITIMER_REAL)
+
+    def restore() -> None:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+        if around[0] > 0.0:  # one of the program around, which goes on
+            left = around[0] - (time.monotonic() - begun)
+            signal.setitimer(signal.ITIMER_REAL, max(left, 1e-3), around[1])
+
+    try:
+        try:
+            signal.signal(signal.SIGALRM, interrupt)
+            signal.setitimer(signal.ITIMER_REAL, limit_s, _AGAIN_S)
+            return body(check)
+        finally:
+            restore()
     except (_Reached, Exception) as error:
+        restore()  # an alarm that came while it was switched off has cut the first one short
         # Compiled code that is interrupted in a call of Python, such as numba's, makes a SystemError of it.
         if not interrupted and not isinstance(error, _Reached):
             raise
-        raise WallLimitError(
-            f"the trial was stopped after {limit_s:g} s on the wall clock{inside}; raise --wall-limit, or "
-            "simplify it"
-        ) from None
+        raise _stopped(limit_s, inside) from None
+
+
+def _stopped(limit_s: float, inside: str) -> WallLimitError:
+    return WallLimitError(
+        f"the trial was stopped after {limit_s:g} s on the wall clock{inside}; raise --wall-limit, or "
+        "simplify it"
+    )
