@@ -6,6 +6,7 @@ has to notice that somebody has edited it meanwhile.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Hashable, Iterable
 from pathlib import Path
 from typing import Generic, NamedTuple, TypeVar
@@ -15,6 +16,13 @@ T = TypeVar("T")
 #: When a file was written and changed [ns], its size, and which file it is: a link may be led to another one,
 #: and a copy has the time of what was copied. None where there is none.
 _State = tuple[int, int, int, int] | None
+
+#: The clock of a file system is up to this far behind that of the program [ns]: it goes by the ticks of the
+#: kernel, at most 10 ms long.
+_CLOCK_LAG_NS = 20_000_000
+
+#: Number of times in a row that files are read which are written all the time.
+_MOST_READS = 3
 
 
 class _Kept(NamedTuple, Generic[T]):
@@ -42,13 +50,29 @@ class FileCache(Generic[T]):
         """Return the value of some arguments: the same object while its files stay as they are."""
         kept = self._kept.pop(arguments, None)
         if kept is None or kept.states != _states(kept.files):
-            value, files = self._read(*arguments)
-            files = tuple(dict.fromkeys(files))
-            kept = _Kept(value, files, _states(files))
+            kept = self._read_anew(arguments)
         self._kept[arguments] = kept  # behind all that were asked for before
         while len(self._kept) > self._most:
             self._kept.pop(next(iter(self._kept)), None)
         return kept.value
+
+    def _read_anew(self, arguments: tuple[Hashable, ...]) -> _Kept[T]:
+        """Return a value with the states of its files, without states if these were always just written."""
+        before: dict[Path, _State] = {}
+        for _ in range(_MOST_READS):
+            began_ns = time.time_ns() - _CLOCK_LAG_NS
+            value, files = self._read(*arguments)
+            files = tuple(dict.fromkeys(files))
+            kept = _Kept(value, files, _states(files))
+            # What a file depends on is known after it was read. So files that may have been written meanwhile
+            # are read once more, and are compared with what they were before that.
+            if all(
+                state is None or state[1] < began_ns or before.get(file) == state
+                for file, state in zip(files, kept.states, strict=True)
+            ):
+                return kept
+            before = dict(zip(files, kept.states, strict=True))
+        return kept._replace(states=())
 
 
 def _states(files: Iterable[Path]) -> tuple[_State, ...]:

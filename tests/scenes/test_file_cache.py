@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import shutil
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from msrr_scenes import file_cache
 from msrr_scenes.file_cache import FileCache
 
 Write = Callable[[Path], object]
+
+
+def _until_it_is_old() -> None:
+    """Wait until what was written is not taken for written while it is read."""
+    time.sleep(2e-9 * file_cache._CLOCK_LAG_NS)
 
 
 def _by_a_link(file: Path) -> None:
@@ -43,11 +51,42 @@ def test_a_file_that_is_another_one_is_read_anew(write: Write, tmp_path: Path) -
 
     cache = FileCache(read, most=2)
     file.write_text("older")
+    _until_it_is_old()
     assert [cache(file), cache(file)] == ["older", "older"]
     assert len(reads) == 1
     write(file)
+    _until_it_is_old()
     assert [cache(file), cache(file)] == ["newer", "newer"]
     assert len(reads) == 2
+
+
+def test_a_file_that_is_written_while_it_is_read_is_read_again(tmp_path: Path) -> None:
+    """A file that somebody saves between its reading and the look at its state is not kept as it was."""
+    file, reads = tmp_path / "file", []
+
+    def read_and_save() -> tuple[str, list[Path]]:
+        text = file.read_text()
+        reads.append(text)
+        if text == "older":
+            file.write_text("newer")
+        return text, [file]
+
+    file.write_text("older")
+    _until_it_is_old()
+    cache = FileCache(read_and_save, most=1)
+    assert [cache(), cache()] == ["newer", "newer"]
+    assert reads == ["older", "newer"]
+
+
+def test_a_file_that_is_written_all_the_time_is_read_all_the_same(tmp_path: Path) -> None:
+    file, numbers = tmp_path / "file", itertools.count()
+
+    def read() -> tuple[str, list[Path]]:
+        file.write_text("x" * next(numbers))
+        return file.read_text(), [file]
+
+    cache = FileCache(read, most=1)
+    assert [len(cache()), len(cache())] == [file_cache._MOST_READS - 1, 2 * file_cache._MOST_READS - 1]
 
 
 def test_a_file_that_was_not_there_counts_when_it_is(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -70,6 +71,7 @@ class Inertial:
         return Inertial(mass, centre, self.inertia_about(centre) + other.inertia_about(centre))
 
 
+@lru_cache(maxsize=32)
 def whole_inertial(tree: LinkTree) -> Inertial:
     """Return mass, centre and inertia of all links of a unit as one body, in U."""
     whole = Inertial.of(None)

@@ -19,6 +19,11 @@ from msrr_scenes.geometry.urdf_tree import urdf_origin
 #: micrometres span at least ten times as much; a rounding of a position in a room spans a tenth.
 _FLAT_M2 = 1e-13
 
+#: Number of points from which those well inside are left out of a hull first, and directions in which the
+#: outermost points are looked for, shape (2, N).
+_MANY = 64
+_OUTWARDS: Array = np.stack([f(np.arange(16) * (math.pi / 8.0)) for f in (np.cos, np.sin)])
+
 #: Shapes without a file, and the attributes of a URDF that give their sizes.
 PRIMITIVES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
 
@@ -163,6 +168,7 @@ def hull_or_line(points: Array) -> Array:
     Args:
         points: Two points or more, shape (N, 2) [m].
     """
+    points = _without_inner(points) if len(points) >= _MANY else points
     rightwards = points[np.lexsort((-points[:, 1], points[:, 0]))].tolist()
     turns = [*_lower_chain(rightwards)[:-1], *_lower_chain(rightwards[::-1])[:-1]]
     # What is flat is left out afterwards: the order along x says nothing of points on an upright edge.
@@ -175,6 +181,19 @@ def hull_or_line(points: Array) -> Array:
     while len(corners) > 2 and _is_on_edge(corners[-1], corners[0], corners[1]):
         del corners[0]
     return np.array(corners)
+
+
+def _without_inner(points: Array) -> Array:
+    """Return the points without those inside the polygon of the outermost ones in some directions."""
+    outermost = points[np.argmax(points @ _OUTWARDS, axis=0)]
+    outermost = outermost[(outermost != np.roll(outermost, 1, axis=0)).any(axis=1)]
+    if len(outermost) < 3:
+        return points
+    along = np.roll(outermost, -1, axis=0) - outermost
+    leftwards = np.stack([-along[:, 1], along[:, 0]])
+    inner = (points @ leftwards - (outermost * leftwards.T).sum(axis=1) > _FLAT_M2).all(axis=1)
+    outer: Array = points[~inner]
+    return outer
 
 
 def _lower_chain(points: list[list[float]]) -> list[list[float]]:

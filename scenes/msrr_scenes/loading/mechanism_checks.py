@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 
@@ -47,11 +48,10 @@ def docking_pairs(scene: Scene) -> tuple[DockStep, ...]:
     """Return what may dock in a scene; of robots that build a shape one of each pair that differs."""
     if scene.shape is None:
         return (*scene.docks, *scene.assembled_docks)
+    geometries = {unit: scene.geometry(unit) for unit in scene.units}
     alike: dict[tuple[UnitGeometry, UnitGeometry], tuple[str, str]] = {}
-    for unit in scene.units:
-        for target in scene.units:
-            if target != unit:
-                alike.setdefault((scene.geometry(unit), scene.geometry(target)), (unit, target))
+    for pair in itertools.permutations(geometries, 2):
+        alike.setdefault((geometries[pair[0]], geometries[pair[1]]), pair)
     return tuple(
         DockStep(unit=unit, to=f"{target}.{port}")
         for (_, geometry), (unit, target) in alike.items()
