@@ -82,6 +82,7 @@ class DisplayMessages:
     def __init__(self, scene: Scene) -> None:
         """Set up for the trial of a scene."""
         self._scene, self._cameras = scene, camera_lenses(scene)
+        self._geometries = {unit: scene.geometry(unit) for unit in scene.units}
         self._waiting: dict[str, SE2] = {}  # obstacles that have not appeared
         self._sight: dict[str, LosObservation] = {}
         self._routes: dict[str, int] = {}
@@ -108,8 +109,8 @@ class DisplayMessages:
         for name, lens in self._cameras.items():
             yield topics.calibration(name), 0, foxglove.camera_calibration(name, lens)
         units = {
-            name: foxglove.solids_entity(0, name, name, self._scene.geometry(name).solids, _shade(i))
-            for i, name in enumerate(self._scene.units)
+            name: foxglove.solids_entity(0, name, name, geometry.solids, _shade(i))
+            for i, (name, geometry) in enumerate(self._geometries.items())
         }
         yield self._drawn(topics.DRAWN_BODIES, 0, units)
 
@@ -146,7 +147,7 @@ class DisplayMessages:
 
     def _wheels(self, topic: str, stamp_ns: int, wheels: WheelOdometry) -> Iterator[Display]:
         if self._is_due(wheels, wheels.unit, stamp_ns):
-            drawn = self._scene.geometry(wheels.unit).wheel_joints
+            drawn = self._geometries[wheels.unit].wheel_joints
             angles = zip(drawn, (wheels.left, wheels.right), strict=True)
             joints = [JointState(name=joint.name, position=joint.forward * angle) for joint, angle in angles]
             states = JointStates(timestamp=foxglove.timestamp(wheels.stamp_ns), joints=joints)
@@ -220,7 +221,7 @@ class DisplayMessages:
         if not granted.legs or self._routes.get(granted.unit) == granted.route:
             return
         self._routes[granted.unit] = granted.route
-        offset = self._scene.geometry(granted.unit).control_offset(ACTIVE_PORT)
+        offset = self._geometries[granted.unit].control_offset(ACTIVE_PORT)
         track = track_of(granted.legs, SE2(*granted.legs[0].start), offset)
         name = f"{granted.unit}/route"
         line = _line(stamp_ns, name, WORLD, track.poses[:, :2], _GRANTED)

@@ -46,6 +46,7 @@ class SnapshotBuilder:
     def __init__(self, scene: Scene) -> None:
         """Begin before the first message of a trial of a scene."""
         self._scene = scene
+        self._X_BD: dict[str, SE2] = {}  # dock frames of the targets, by unit and port
         self._steps: dict[str, DockStep | None] = {}  # by unit, in the order in which they began
         self._starts: dict[str, SE2] = {}
         self._units: dict[str, SE2] = {}
@@ -146,7 +147,9 @@ class SnapshotBuilder:
         if action is not None and action.phase is Phase.ASSEMBLE and situation is not None:
             believed = situation.own.X_WB
         elif estimate is not None and step is not None:
-            believed = target_frame(self._scene, step, self._units) @ estimate.X_DU
+            if step.to not in self._X_BD:  # asking the scene for it looks at files
+                self._X_BD[step.to] = self._scene.geometry(step.target_unit).dock_frame(step.target_port)
+            believed = self._units[step.target_unit] @ self._X_BD[step.to] @ estimate.X_DU
             covariance = estimate.covariance
         return StepSnapshot(
             unit=unit,

@@ -22,6 +22,13 @@ def with_unit(value: float, effect: EffectResult) -> str:
     return f"{number(value)} {effect.unit}".rstrip()
 
 
+def listed(seeds: Sequence[int]) -> str:
+    """Return seeds as the first and the last one if all between are among them, else one by one."""
+    if len(seeds) > 1 and list(seeds) == list(range(seeds[0], seeds[-1] + 1)):
+        return f"{seeds[0]} to {seeds[-1]}"
+    return ", ".join(map(str, seeds))
+
+
 def percent(share: float) -> str:
     """Return a share in percent."""
     return f"{100 * share:.1f} %" if 0.0005 <= share < 0.0995 else f"{100 * share:.0f} %"

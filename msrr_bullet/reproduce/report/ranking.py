@@ -157,15 +157,17 @@ def _laws(tables: list[Table]) -> list[_Law]:
 
 
 def _rates_are_equal(law: _Law, best: _Law) -> bool:
-    """Return whether no rate of a law is lower than that of the best one beyond chance, trial by trial."""
-    for row, other in zip(law.rows, best.rows, strict=True):
-        for name in get_args(FlagName):
-            a, b = row.by_trial(name), other.by_trial(name)
-            if a is not None and b is not None:
-                pair = mcnemar(a, b)
-                if pair.second_alone > pair.first_alone and pair.p < LEVEL:
-                    return False
-    return True
+    """Return whether no rate of a law is lower than that of the best one beyond chance, trial by trial.
+
+    The level is that of all its rates together, by Bonferroni's correction.
+    """
+    flags = [
+        (row.by_trial(name), other.by_trial(name))
+        for row, other in zip(law.rows, best.rows, strict=True)
+        for name in get_args(FlagName)
+    ]
+    pairs = [mcnemar(a, b) for a, b in flags if a is not None and b is not None]
+    return not any(pair.second_alone > pair.first_alone and len(pairs) * pair.p < LEVEL for pair in pairs)
 
 
 def _beside(base: Row, row: Row) -> str:

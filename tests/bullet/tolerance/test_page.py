@@ -1,6 +1,7 @@
 """The page of a study: whole in one file, with every effect, in both tables and both colours."""
 
 import base64
+from collections.abc import Sequence
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 from msrr_bullet.tolerance.error_budget import contributions
 from msrr_bullet.tolerance.model import SizeSample, ToleranceStudy
 from msrr_bullet.tolerance.page import write_study
-from msrr_bullet.tolerance.wording import beyond, findings, grade_cells
+from msrr_bullet.tolerance.wording import beyond, findings, grade_cells, listed
 
 
 class Page(HTMLParser):
@@ -56,6 +57,13 @@ def test_the_page_shows_every_effect_and_grade(folder: Path, study: ToleranceStu
     assert sum(tag == "tr" for tag, _ in page.tags) == 3 + len(study.grades) + 2 * len(study.effects)
     labels = [a.get("data-label") for tag, a in page.tags if tag == "td"]
     assert all(labels)  # on a narrow page, on which the heads are hidden, each cell says what it is
+
+
+@pytest.mark.parametrize(
+    ("seeds", "said"), [(range(3, 7), "3 to 6"), ((1, 5, 9), "1, 5, 9"), ((7,), "7"), ((3, 2, 1), "3, 2, 1")]
+)
+def test_seeds_are_said_as_they_are(seeds: Sequence[int], said: str) -> None:
+    assert listed(seeds) == said
 
 
 def test_some_effects_are_not_added_up_to_a_grade(study: ToleranceStudy, tmp_path: Path) -> None:

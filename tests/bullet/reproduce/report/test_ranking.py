@@ -108,5 +108,13 @@ def test_the_best_controller_is_named_with_those_that_cannot_be_told_from_it() -
     assert "Worse are C1 (100.0 % docked, 100.0 % in view, 20.0 % in the cone, 1 mm)." in text
 
 
+def test_a_law_is_worse_by_the_level_of_all_its_rates_together() -> None:
+    """Six trials lost and none won have p = 0.03 and nine 0.004, and each law has three rates."""
+    rows = (row("CBF"), row("C1", in_cone=14), row("LINEAR", in_cone=11))
+    text = default_controller_text(results(table("hard", *rows)))
+    assert "The rates of CBF cannot be told from those of C1 (" in text
+    assert "Worse are LINEAR (" in text
+
+
 def test_without_tables_nothing_is_ranked() -> None:
     assert default_controller_text(results()) == ranking_text(results()) == ""
