@@ -110,7 +110,9 @@ class RoutePlanner:
         return None
 
     def obstruction(self, arena: ArenaMap, end: str = "the place in front of the port") -> str:
-        """Return what most probably leaves no route: the border, if it alone leaves none, or a body.
+        """Return what leaves no route: the border if it alone leaves none, else a body.
+
+        Without that body there would be a route. If there is none such, it is the one deepest in the way.
 
         Args:
             arena: What is known.
@@ -120,14 +122,18 @@ class RoutePlanner:
         target = tuple(u for u in arena.units if math.hypot(u.x - X_WD.x, u.y - X_WD.y) <= u.radius)
         if self.plan(arena._replace(units=target, obstacles=())) is None:
             return f"{self._border} leaves no room to turn before {end}"
+        alone = [name for name, others in _without_one(arena, target) if self.plan(others) is not None]
         space = self._free_space(arena, map(self.obstacle_disc, arena.obstacles))
         place = self.spec.handover(arena.X_WD).translation
         for points, where in (
             (place[None], f"on {end}"),
             (np.linspace(arena.X_WU.translation, place, 40), f"on the line to {end}"),
         ):
-            if (disc := space.deepest_disc(points)) is not None:
+            disc = space.deepest_disc(points)
+            if disc is not None and (not alone or disc.name in alone):
                 return f"{disc.name} stands {where}"
+        if alone:
+            return f"{alone[0]} stands in every way to {end}"
         return f"what stands in the arena leaves no room to turn before {end}"
 
     def unit_disc(self, disc: Disc) -> Disc:
@@ -301,3 +307,13 @@ class RoutePlanner:
     def _travel_time(self, length: float) -> float:
         """Return the time [s] for a path of that length [m] from rest to rest."""
         return length / self._pace.cruise_mps + self._pace.ramp_s
+
+
+def _without_one(arena: ArenaMap, target: tuple[Disc, ...]) -> Iterator[tuple[str, ArenaMap]]:
+    """Yield each body but the target with the map of all others."""
+    for unit in arena.units:
+        if unit not in target:
+            yield unit.name, arena._replace(units=tuple(u for u in arena.units if u is not unit))
+    for obstacle in arena.obstacles:
+        others = tuple(o for o in arena.obstacles if o is not obstacle)
+        yield obstacle.name, arena._replace(obstacles=others)

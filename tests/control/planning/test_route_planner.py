@@ -170,6 +170,11 @@ def test_what_leaves_no_route_is_named() -> None:
     fence = [_obstacle(f"f{k}", -0.3, y, 0.1) for k, y in enumerate(np.arange(-1.4, 1.45, 0.28))]
     assert "o stands on the place in front" in why(ahead, _obstacle("o", 0.4, 0.1))
     assert "f5 stands on the line" in why(SE2(-1.4, 0.0, 0.0), *fence)
+    # Beside the line, but the only one that could make way: the others stand too near to each other.
+    gate = _obstacle("gate", -0.3, 0.84, 0.3)
+    dense = [_obstacle(f"d{k}", -0.3, y, 0.1) for k, y in enumerate(np.arange(-1.4, 1.45, 0.14))]
+    fence = [post for post in dense if abs(post.X_WB.y - 0.84) > 0.3]
+    assert "gate stands in every way" in why(SE2(-1.4, 0.0, 0.0), *fence, gate)
     assert "border" in why(behind, low=0.3)
     assert "border" in why(behind, _obstacle("o", 0.8, 0.4), low=0.3)  # without it there is no route either
 
