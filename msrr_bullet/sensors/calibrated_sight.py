@@ -14,6 +14,7 @@ from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.as_built import AsBuilt, BuiltCamera
+from msrr_scenes.geometry.distortion import has_inverse, no_inverse
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import optical_pose
 from msrr_scenes.geometry.se2 import SE2
@@ -42,6 +43,9 @@ class OnboardSight:
             scene: The scene.
             built: What is not as the scene says.
             step: Step of the plan: which port docks to which.
+
+        Raises:
+            GeometryError: The lens that was built has no inverse in the frame.
         """
         target, drawn = built.units[step.target_unit], scene.geometry(step.target_unit)
         self._told = TargetModel.from_scene(scene.told(), step)
@@ -87,6 +91,9 @@ class OverheadSight:
         Args:
             scene: The scene, with an overhead camera.
             built: What is not as the scene says.
+
+        Raises:
+            GeometryError: The lens that was built has no inverse in the frame.
         """
         assert built.overhead is not None, "an overhead camera was built"
         model = OverheadModel.from_scene(scene.told(), ())
@@ -121,6 +128,8 @@ class _TrueCamera:
     """A camera as it was built."""
 
     def __init__(self, built: BuiltCamera) -> None:
+        if not has_inverse(built.pinhole, built.distortion):  # a renderer could not draw it either
+            raise no_inverse(built.distortion, built.pinhole.frame)
         self._built = built
         self._lens = Lens(built.pinhole, built.distortion)
 

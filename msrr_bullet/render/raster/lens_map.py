@@ -11,8 +11,7 @@ from msrr_bullet.render.raster.kernels.floor import ROLLED_STRIDE
 from msrr_bullet.render.raster.kernels.lens_nodes import cut_nodes, node_steps, undistort_nodes
 from msrr_bullet.render.raster.kernels.records import Lens, LensView
 from msrr_bullet.render.raster.memory import untouched
-from msrr_scenes.errors import GeometryError
-from msrr_scenes.geometry.distortion import Distortion, has_inverse
+from msrr_scenes.geometry.distortion import Distortion, has_inverse, no_inverse
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 
 #: Margin about the frame that is covered at first [px]; blur reads a few pixels beyond the frame.
@@ -95,7 +94,7 @@ class LensMap:
         self.distortion = distortion
         self._lens = Lens(camera.focal, camera.cx, camera.cy, *astuple(distortion))
         if not has_inverse(camera, distortion):
-            raise self._error(camera.frame)
+            raise no_inverse(distortion, camera.frame)
         self._latest: tuple[Window, LensView, Window] | None = None
         self._memory = np.empty((2, 0))
         self._searched: set[Window] = set()
@@ -139,7 +138,7 @@ class LensMap:
         self._searched.add(window)
         grid = _Grid(window, self.camera.width)
         if not grid.compute(self._lens, 0, len(grid.rows), 0, len(grid.columns)):
-            raise self._error(window)
+            raise no_inverse(self.distortion, window)
         return LensView(
             u=grid.u,
             v=grid.v,
@@ -206,11 +205,5 @@ class LensMap:
         grid, j0, i0 = self._grid, j * _TILE, i * _TILE
         j1, i1 = min(j0 + _TILE + 1, len(grid.rows)), min(i0 + _TILE + 1, len(grid.columns))
         if not grid.compute(self._lens, j0, j1, i0, i1):
-            raise self._error(grid.window)
+            raise no_inverse(self.distortion, grid.window)
         self._known[j, i] = True
-
-    def _error(self, window: Window) -> GeometryError:
-        return GeometryError(
-            f"the polynomial of the lens {self.distortion} has no inverse in {window}: two points of the "
-            "scene appear at one pixel; use smaller coefficients or a smaller field of view"
-        )

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_scenes.arrays import Array
-from msrr_scenes.geometry.pinhole import PinholeCamera
+from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 
 #: Steps of Newton's method. It converges quadratically; the number is fixed so that each point's result is a
 #: function of that point alone.
@@ -110,6 +111,14 @@ _MARGIN, _SPACING = 8, 8.0
 def has_inverse(camera: PinholeCamera, distortion: Distortion) -> bool:
     """Return whether every pixel of the frame and of a small margin shows one point of the scene."""
     return _is_slight(camera, distortion) or fold_radius(camera, distortion) is None
+
+
+def no_inverse(distortion: Distortion, window: Window) -> GeometryError:
+    """Return the error that a lens shows two points of the scene at one pixel of a window."""
+    return GeometryError(
+        f"the polynomial of the lens {distortion} has no inverse in {window}: two points of the scene appear "
+        "at one pixel; use smaller coefficients or a smaller field of view"
+    )
 
 
 def _is_slight(camera: PinholeCamera, distortion: Distortion) -> bool:

@@ -11,6 +11,7 @@ from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.loading.camera_lenses import explained_fold
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.registry import is_import_path
+from msrr_scenes.specs.deviations import Deviation
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 
@@ -31,6 +32,8 @@ def camera_problems(scene: Scene) -> Iterator[Problem]:
         yield from calibration
         if name == "onboard" and not calibration:
             yield from _cone_problems(scene)
+        if not calibration:
+            yield from _fold_problems(scene, name, spec)
         if scene.perception == "images":
             yield from _shutter_problems(("cameras", name), spec)
             if not calibration:
@@ -79,7 +82,8 @@ def _calibration_problems(name: str, spec: CameraSpec) -> Iterator[Problem]:
 
 
 def _lens_problems(scene: Scene, name: str, spec: CameraSpec) -> Iterator[Problem]:
-    told, deviations = spec.lens, {key: getattr(getattr(scene.as_built, name), key) for key in COEFFICIENTS}
+    """Yield that the renderer draws no lens that distorts, and this one does."""
+    told, deviations = spec.lens, _lens_deviations(scene, name)
     if _draws_one_instant(spec):
         text = f"the renderer {spec.renderer.name!r} draws ideal lenses only, and "
         remedy = f"use renderer {_RENDERER}, or"
@@ -90,6 +94,11 @@ def _lens_problems(scene: Scene, name: str, spec: CameraSpec) -> Iterator[Proble
         elif any(deviation.error or deviation.sigma for deviation in deviations.values()):
             text += f"as_built.{name} distorts; {remedy} as_built: perfect without {', '.join(COEFFICIENTS)}"
             yield Problem(("cameras", name, "renderer"), text)
+
+
+def _fold_problems(scene: Scene, name: str, spec: CameraSpec) -> Iterator[Problem]:
+    """Yield that the lens which is built shows two points at one pixel, as no lens does."""
+    told, deviations = spec.lens, _lens_deviations(scene, name)
     errors = {key: deviation.error or 0.0 for key, deviation in deviations.items()}
     if any(errors.values()):
         coefficients = {key: getattr(told.distortion, key) + error for key, error in errors.items()}
@@ -97,6 +106,11 @@ def _lens_problems(scene: Scene, name: str, spec: CameraSpec) -> Iterator[Proble
         if folds is not None:
             text = f"{folds}; use smaller coefficients or a smaller field of view of cameras.{name}"
             yield Problem(("as_built", name), text)
+
+
+def _lens_deviations(scene: Scene, name: str) -> dict[str, Deviation]:
+    """Return by how much the coefficients of the lens that is built differ from those that are told."""
+    return {key: getattr(getattr(scene.as_built, name), key) for key in COEFFICIENTS}
 
 
 def _draws_one_instant(spec: CameraSpec) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from msrr_perception.pose.joint_pose import joint_pose
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.as_built import draw_as_built
+from msrr_scenes.errors import GeometryError, SceneError
+from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
@@ -95,6 +98,20 @@ def test_a_tag_beyond_the_fold_of_the_lens_is_not_in_view() -> None:
     there = OnboardSight(of, draw_as_built(of, 0), of.docks[0])
     for degrees in np.arange(50.0, 85.0, 0.25):
         assert there.see(SE2(-0.6, 0.0, math.radians(degrees))) == (None, (None, None))
+
+
+def test_a_lens_that_cannot_be_drawn_cannot_be_modelled() -> None:
+    """A scene that says so is refused; a lens may also be drawn so, of deviations that are far too large."""
+    of = scene("careful", "two_units", perception="parametric")
+    built, barrel = draw_as_built(of, 0), Distortion(k1=-0.9)
+    a = replace(built.units["a"], camera=replace(built.units["a"].camera, distortion=barrel))
+    folds = replace(built, units={**built.units, "a": a}, overhead=replace(built.overhead, distortion=barrel))
+    with pytest.raises(GeometryError, match="no inverse"):
+        OnboardSight(of, folds, of.docks[0])
+    with pytest.raises(GeometryError, match="no inverse"):
+        OverheadSight(of, folds)
+    with pytest.raises(SceneError, match=r"as_built.overhead: with .* two points of the scene appear"):
+        scene("{overhead: {k1: -0.9}}", "two_units", perception="parametric")
 
 
 class Photographer:
