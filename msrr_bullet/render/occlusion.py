@@ -21,13 +21,22 @@ def hidden_points(points_C: Array, triangles_C: Array) -> Array:
         triangles_C: Corners in C, counter-clockwise when seen from outside, shape (T, 3, 3) [m]. A surface
             that is seen from within hides nothing, as in a picture.
     """
+    if not len(points_C):
+        return np.zeros(0, dtype=np.bool_)
     a, b, c = np.moveaxis(triangles_C, 1, 0)
     # The ray from the camera through a point p meets a triangle at t p with t = |a b c| / (u + v + w), where
     # u = |p b c|, v = |a p c| and w = |a b p|, within the triangle if these have the sign of |a b c|.
-    sides = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
-    volume = np.einsum("ti,ti->t", a, sides[0])
+    normals = np.cross(b, c)
+    volume = np.einsum("ti,ti->t", a, normals)
+    shown = volume < 0.0
+    a, b, c, volume = a[shown], b[shown], c[shown], volume[shown]
+    sides = np.stack([normals[shown], np.cross(c, a), np.cross(a, b)])
+    # Most triangles are beside all points: u, v or w is above zero in all of the box that holds the points.
+    low, high = points_C.min(axis=0), points_C.max(axis=0)
+    near = (np.minimum(sides * low, sides * high).sum(axis=2) <= 0.0).all(axis=0)
+    sides, volume = sides[:, near], volume[near]
     parts = points_C @ np.swapaxes(sides, 1, 2)
-    inside = (parts <= 0.0).all(axis=0) & (volume < 0.0)
+    inside = (parts <= 0.0).all(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = points_C[:, 2:] * volume / parts.sum(axis=0)
     between = (depth > _NEAR_M) & (depth < points_C[:, 2:] - _BEHIND_M)

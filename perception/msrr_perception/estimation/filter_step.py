@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.hypotheses import likeliest
 from msrr_perception.estimation.knowledge import Knowledge
@@ -91,4 +89,5 @@ class FilterStep:
 
 def _is_nowhere(state: FilterState) -> bool:
     """Return whether the covariance says that the unit may be anywhere."""
-    return float(np.trace(state.covariance[:2, :2])) > _NOWHERE_M**2
+    P = state.covariance
+    return float(P[0, 0] + P[1, 1]) > _NOWHERE_M**2
