@@ -195,5 +195,5 @@ def test_a_sweep_of_missions_counts_what_is_complete(
     silent = ["--set", "radio.silences=[{from_s: 0, until_s: 60}]", "--set", "time_limit_s=3"]
     assert run([*sweep, *silent]) == 0
     shown = capsys.readouterr().out
-    assert "seed 1: timeout, the time is up" in shown
+    assert "seed 1: timeout, the time limit of 3 s is over" in shown
     assert "complete: 0.0 %" in shown
