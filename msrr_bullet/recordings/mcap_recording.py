@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import takewhile
@@ -184,13 +183,22 @@ def _earliest_ns(path: Path, topics: _Topics) -> int:
 
     A message is recorded at most :data:`LONGEST_LATENCY_NS` after its stamp, and its clock goes
     back by no more than that.
+
+    Raises:
+        RecordingError: A message that comes before all images cannot be used.
     """
     earliest_ns = next(iter(read_messages(path, topics.all()))).log_ns
-    with suppress(RecordingError):  # it is raised again, and told, where the recording is read
+    has_image = False
+    try:
         for found in read_messages(path, topics.all()):
             if found.log_ns > earliest_ns + 2 * LONGEST_LATENCY_NS:
                 break
             earliest_ns = min(earliest_ns, found.log_ns, _stamp(path, found))
+            has_image |= found.topic == topics.images
+    except RecordingError:
+        if not has_image:
+            raise
+        # Else it is raised again, and told, where the recording is read: what comes before is worth having.
     return earliest_ns
 
 
@@ -203,10 +211,11 @@ def _stamp(path: Path, found: DecodedMessage) -> int:
     if stamp_ns is None:
         return found.log_ns
     if abs(stamp_ns - found.log_ns) > LONGEST_LATENCY_NS:
-        apart_s = 1e-9 * (found.log_ns - stamp_ns)
+        late_s = 1e-9 * (found.log_ns - stamp_ns)
+        apart = f"{abs(late_s):.1f} s {'before' if late_s > 0.0 else 'after'} their recording"
         raise RecordingError(
-            f"{path}: {found.topic}: its stamps are {apart_s:.1f} s before their recording; with clocks that "
-            "far apart nobody knows what belongs together; record with clocks that agree, or stamp it anew"
+            f"{path}: {found.topic}: its stamps are {apart}; with clocks that far apart nobody knows what "
+            "belongs together; record with clocks that agree, or stamp it anew"
         )
     return stamp_ns
 

@@ -46,10 +46,12 @@ class WheelReader:
 
     def _driven(self, pose: Any) -> tuple[float, float] | None:
         q = pose.orientation
-        yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+        ww, xx, yy, zz = q.w * q.w, q.x * q.x, q.y * q.y, q.z * q.z
+        yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), ww + xx - yy - zz)
         X = SE2(float(pose.position.x), float(pose.position.y), yaw)
-        if not all(map(math.isfinite, (X.x, X.y, X.yaw))):
-            return None  # it would stay in the sums below
+        # A pose that is no number would stay in the sums below; four zeros are a rotation nobody has set.
+        if not all(map(math.isfinite, (X.x, X.y, X.yaw))) or ww + xx + yy + zz == 0.0:
+            return None
         if self._pose is not None:
             forward, _, turn = (float(part) for part in (self._pose.inverse() @ X).log())
             self._left += (forward - 0.5 * turn * self.track) / self.radius

@@ -28,7 +28,10 @@ _LACKS = "\0"
 
 
 class _Figure(NamedTuple):
-    """A column of the table of trials, how it is shown, and which of the docking steps of a trial counts."""
+    """A column of the table of trials, how it is shown, and which of the docking steps of a trial counts.
+
+    Of steps of which the column ``where`` is not 1, none does.
+    """
 
     name: str
     unit: str
@@ -36,12 +39,13 @@ class _Figure(NamedTuple):
     factor: float = 1.0
     of_trial: Callable[[Iterable[float]], float] = max
     tail: float = 0.95
+    where: str = ""
 
 
 _FIGURES = (
     _Figure("lateral error at first contact", "mm", "contact_lateral_m", 1e3),
     _Figure("yaw error at first contact", "deg", "contact_yaw_rad", math.degrees(1.0)),
-    _Figure("gap between seated faces", "mm", "seated_axial_m", 1e3),
+    _Figure("gap between seated faces", "mm", "seated_axial_m", 1e3, where="seated"),
     _Figure("attempts", "", "attempts"),
     _Figure("steady tracking error", "m", "tracking_error_m"),
     _Figure("amplitude at an obstacle", "m", "amplitude_m"),
@@ -53,7 +57,10 @@ _FIGURES = (
 _DURATION = _Figure("duration where both succeed", "s", "duration_s")
 
 #: Columns of :data:`msrr_bullet.sweep.trial_table.TRIAL_COLUMNS` that have to be there.
-_COLUMNS = ("seed", "outcome", "duration_s", "step", "undocks", *(figure.column for figure in _FIGURES))
+_COLUMNS = (
+    *("seed", "outcome", "duration_s", "step", "undocks"),
+    *(column for figure in _FIGURES for column in (figure.column, figure.where) if column),
+)
 
 
 @dataclass(slots=True)
@@ -255,7 +262,9 @@ def _add(trials: dict[int, _Trial], row: dict[str, str], place: str) -> None:
     if _number(row, "undocks", place):
         return
     for figure in _FIGURES:
-        if (value := _number(row, figure.column, place)) is not None:
+        value = _number(row, figure.column, place)
+        counts = not figure.where or _number(row, figure.where, place) == 1.0
+        if value is not None and counts:
             trial.values.setdefault(figure.column, []).append(value)
 
 

@@ -241,15 +241,21 @@ def test_a_lossless_film_without_odometry_agrees_within_its_covariance(trial: Tr
 
 
 def test_wheels_follow_from_the_pose_of_an_odometry() -> None:
-    """A pose by odometry becomes the angles of wheels that drive there: those of an arc come back."""
+    """A pose by odometry becomes the angles of wheels that drive there: those of an arc come back.
+
+    A quaternion counts whatever its length, but for that of no length, which nobody has set.
+    """
     reader = WheelReader(radius=0.033, track=0.13)
     angles = None
     for k in range(21):
         yaw = 0.05 * k
         X = SE2.exp(0.02 * k, 0.0, yaw)
-        q = SimpleNamespace(x=0.0, y=0.0, z=math.sin(0.5 * yaw), w=math.cos(0.5 * yaw))
-        pose = SimpleNamespace(position=SimpleNamespace(x=X.x, y=X.y), orientation=q)
-        angles = reader.angles(ODOMETRY, SimpleNamespace(pose=SimpleNamespace(pose=pose)))
+        for length in (0.0, 1.0 + 0.1 * k):
+            w, z = length * math.cos(0.5 * yaw), length * math.sin(0.5 * yaw)
+            q = SimpleNamespace(x=0.0, y=0.0, z=z, w=w)
+            pose = SimpleNamespace(position=SimpleNamespace(x=X.x, y=X.y), orientation=q)
+            angles = reader.angles(ODOMETRY, SimpleNamespace(pose=SimpleNamespace(pose=pose)))
+            assert (angles is None) == (length == 0.0)
     assert angles == pytest.approx(((0.4 - 0.065) / 0.033, (0.4 + 0.065) / 0.033), abs=1e-9)
 
 

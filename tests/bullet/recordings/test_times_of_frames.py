@@ -101,3 +101,17 @@ def test_a_clock_that_goes_back_is_refused(trial: Trial, tmp_path: Path) -> None
         RecordingError, match=r"film\.mcap: its clock goes back by 3\.1 s while /camera/image"
     ):
         perceive(path, trial.target)
+
+
+@pytest.mark.parametrize(("late_ms", "apart"), [(5000, "before"), (-5000, "after")])
+def test_stamps_far_from_their_recording_are_refused_and_an_earlier_run_is_kept(
+    trial: Trial, tmp_path: Path, late_ms: int, apart: str
+) -> None:
+    out, frames = tmp_path / "run", _standing(trial, 6000, 6040)
+    perceive(write_ros2(tmp_path / "good.mcap", frames, []), trial.target, out=out)
+    before = {file.name: file.read_bytes() for file in out.iterdir()}
+    late = [(stamp, arrival + late_ms * 1_000_000, pixels) for stamp, arrival, pixels in frames]
+    path = write_ros2(tmp_path / "late.mcap", late, [])
+    with pytest.raises(RecordingError, match=rf"its stamps are 5\.0 s {apart} their recording"):
+        perceive(path, trial.target, out=out)
+    assert {file.name: file.read_bytes() for file in out.iterdir()} == before

@@ -62,6 +62,7 @@ def test_trials_are_paired_by_their_seeds(scene: Scene, made_up: TrialFunction, 
     assert (found.trials, found.only_first, found.only_second) == (50, 10, 20)
     lateral, other = (_figure(c, "lateral error") for c in (found, back))
     assert lateral.trials == 45  # a false dock has no contact
+    assert _figure(found, "gap between seated faces").trials == 45  # and is not seated
     for q, p in zip(lateral.quantiles, other.quantiles, strict=True):
         assert q.first == p.second
         assert q.interval is not None
