@@ -133,8 +133,12 @@ def _report(console: Console, found: TagMap, notes: Iterable[str]) -> None:
 def _tags_table(found: TagMap) -> Table:
     from rich.table import Table
 
+    exact = "the tag size is" if found.lens_sigma else "the tag size and the calibration are"
     table = Table(
-        title=f"Tags in the frame of tag {found.reference} (x right, y down, z into it)", title_justify="left"
+        title=f"Tags in the frame of tag {found.reference} (x right, y down, z into it)",
+        title_justify="left",
+        caption=f"±: standard deviation by the noise of the corners; {exact} taken as exact",
+        caption_justify="left",
     )
     for column in ("tag", "pictures", "x [m]", "y [m]", "z [m]", "± [mm]", "± [deg]", "RMS [px]"):
         table.add_column(column, justify="right")
@@ -187,7 +191,10 @@ def _explained(left_out: LeftOut) -> str:
     """Return in words what was left out and what may be the reason."""
     pictures = ", ".join(left_out.pictures)
     what, why = {
-        "sighting": (f"tag {left_out.tags[0]} in {pictures}", "blurred, or moved for this picture"),
+        "sighting": (
+            f"tag {left_out.tags[0]} in {pictures}",
+            "blurred, partly covered, or moved for this picture",
+        ),
         "tag": (
             f"tag {left_out.tags[0]} in all of its pictures ({pictures})",
             "moved, bent, or of another size",

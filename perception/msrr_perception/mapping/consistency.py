@@ -3,16 +3,18 @@
 A group of corners is tested against the map that all others make: if it is like the others, what vanishes
 from the sum of squares together with it, by what is left, has an F distribution. The groups are single
 sightings, all sightings of a tag (it moved) and all of a picture (it is blurred, or its tags moved). The
-group that is least likely is left out and the rest adjusted again, until no group is too unlikely. Source:
-W. Baarda, "A testing procedure for use in geodetic networks", 1968 (data snooping), for groups.
+group that is least likely is left out and the rest adjusted again, until no group is too unlikely. Of a tag
+or a picture only those sightings are left out that are less than half of them and leave a rest which agrees:
+several wrong sightings of one tag spoil each other's test, and that of the tag does not tell which they are.
+Source: W. Baarda, "A testing procedure for use in geodetic networks", 1968 (data snooping), for groups.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,11 +102,13 @@ def adjust_consistently(bundle: Bundle, seen: Sightings) -> Consistent:
             bundle = turned
             continue
         worst = _worst(found, part)
-        if worst is None:
+        if not worst:
             return Consistent(found, kept, tuple(contradictions))
-        members = np.flatnonzero(kept)[worst.group.members]
-        kept[members] = False
-        contradictions.append(replace(worst, group=replace(worst.group, members=members)))
+        of_all = np.flatnonzero(kept)
+        for one in worst:
+            members = of_all[one.group.members]
+            kept[members] = False
+            contradictions.append(replace(one, group=replace(one.group, members=members)))
 
 
 def _turned_over(found: Adjusted, seen: Sightings) -> Bundle | None:
@@ -134,21 +138,60 @@ def largest_connected(seen: Sightings, kept: NDArray[np.bool_]) -> NDArray[np.bo
     return out
 
 
-def _worst(found: Adjusted, seen: Sightings) -> Contradiction | None:
-    """Return the group that contradicts the others most, if one does."""
+def _worst(found: Adjusted, seen: Sightings) -> list[Contradiction]:
+    """Return the group that contradicts the others most, or the few sightings for which it does."""
     Q = found.factor.solve(np.eye(found.bundle.variables))
     tested = [(group, *_tested(found, Q, group)) for group in _groups(seen)]
     tested = [(group, excess, rank) for group, excess, rank in tested if rank]
     if not tested or not found.redundancy:
         raise AdjustmentError("no corner is checked by others; take more pictures of every tag")
-    contradictions = []
-    for kind in get_args(Kind):
-        likes = [test for test in tested if test[0].kind == kind]
-        quantiles = [_quantile(excess, rank, found) for _, excess, rank in likes]
-        for (group, excess, rank), score in zip(likes, _standing_out(quantiles), strict=True):
-            contradictions.append(Contradiction(group, math.sqrt(excess / rank), score))
-    worst = max(contradictions, key=lambda contradiction: contradiction.score)
-    return worst if worst.score > norm.isf(FALSE_ALARMS / len(tested)) else None
+    usual = {
+        kind: _Usual.of(
+            [_quantile(found, excess, rank) for group, excess, rank in tested if group.kind == kind]
+        )
+        for kind in get_args(Kind)
+    }
+    scores = [usual[group.kind].score(_quantile(found, excess, rank)) for group, excess, rank in tested]
+    likely, k = norm.isf(FALSE_ALARMS / len(tested)), int(np.argmax(scores))
+    if scores[k] <= likely:
+        return []
+    group, excess, rank = tested[k]
+    few = _sightings_behind(found, Q, group, lambda quantile: usual[group.kind].score(quantile) <= likely)
+    if not few:
+        return [Contradiction(group, math.sqrt(excess / rank), scores[k])]
+    return [
+        Contradiction(one, math.sqrt(excess / rank), usual[one.kind].score(_quantile(found, excess, rank)))
+        for one, excess, rank in few
+    ]
+
+
+def _sightings_behind(
+    found: Adjusted, Q: Array, group: Group, is_likely: Callable[[float], bool]
+) -> list[tuple[Group, float, int]]:
+    """Return the sightings, less than half of a group, without which the others of it agree with the rest.
+
+    They are found one after the other, each as that which takes most from the sum of squares together with
+    those before.
+
+    Returns:
+        Each sighting, what it takes [px^2], and how many of its numbers are checked; empty if a rest of more
+        than half of the group does not agree.
+    """
+    whole, of_whole = _tested(found, Q, group)
+    few: list[tuple[Group, float, int]] = []
+    out, taken, of_taken = np.empty(0, dtype=np.intp), 0.0, 0
+    while 2 * (len(out) + 1) < len(group.members):
+        tried = [np.append(out, i) for i in group.members if i not in out]
+        tests = [_tested(found, Q, Group("sighting", members)) for members in tried]
+        k = int(np.argmax([excess for excess, _ in tests]))
+        (excess, rank), out = tests[k], tried[k]
+        few.append((Group("sighting", out[-1:]), excess - taken, rank - of_taken))
+        taken, of_taken = excess, rank
+        if of_whole <= of_taken or is_likely(
+            _quantile(found, whole - taken, of_whole - of_taken, taken, of_taken)
+        ):
+            return few
+    return []
 
 
 def _groups(seen: Sightings) -> list[Group]:
@@ -168,15 +211,22 @@ def _tested(found: Adjusted, Q: Array, group: Group) -> tuple[float, int]:
     return float((along**2 / redundancy[checked]).sum()), int(checked.sum())
 
 
-def _quantile(excess: float, rank: int, found: Adjusted) -> float:
+def _quantile(found: Adjusted, excess: float, rank: int, without: float = 0.0, of_without: int = 0) -> float:
     """Return the quantile of a standard normal distribution that is as unlikely as what a group adds.
 
     What it adds is compared with what is left without it, so that a group which spoils the whole map is told
     from those that it spoils. Source: E. Paulson, "An approximate normalization of the analysis of variance
     distribution", Annals of Mathematical Statistics 13, 1942; the tail of F itself underflows.
+
+    Args:
+        found: The adjustment of all.
+        excess: What the group adds to the sum of squares [px^2].
+        rank: Number of its numbers that are checked.
+        without: What others add that are left out as well [px^2].
+        of_without: Number of theirs that are checked.
     """
-    others = found.redundancy - rank
-    left = found.sigma_px**2 * found.redundancy - excess
+    others = found.redundancy - rank - of_without
+    left = found.sigma_px**2 * found.redundancy - excess - without
     if others <= 0 or left <= 0.0:  # nothing is left that could be compared
         return 0.0
     root = math.cbrt(excess / rank / (left / others))
@@ -184,15 +234,24 @@ def _quantile(excess: float, rank: int, found: Adjusted) -> float:
     return ((1.0 - rest) * root - (1.0 - own)) / math.sqrt(rest * root**2 + own)
 
 
-def _standing_out(quantiles: Sequence[float]) -> list[float]:
-    """Return by how many deviations groups of one kind stand out from the others.
+class _Usual(NamedTuple):
+    """How the quantiles of groups of one kind spread.
 
     Blur differs from picture to picture and paper from tag to tag, and what several corners of one tag have
     in common does not average out. So the groups may spread more widely than F; less widely does not count.
     """
-    if not quantiles:
-        return []
-    z, middle = np.array(quantiles), float(np.median(quantiles))
-    spread = float(np.median(abs(z - middle))) / norm.ppf(0.75)
-    scores: list[float] = ((z - max(middle, 0.0)) / max(spread, 1.0)).tolist()
-    return scores
+
+    middle: float
+    spread: float
+
+    @classmethod
+    def of(cls, quantiles: Sequence[float]) -> _Usual:
+        if not quantiles:
+            return cls(0.0, 1.0)
+        middle = float(np.median(quantiles))
+        spread = float(np.median(abs(np.array(quantiles) - middle))) / float(norm.ppf(0.75))
+        return cls(max(middle, 0.0), max(spread, 1.0))
+
+    def score(self, quantile: float) -> float:
+        """Return by how many deviations a group stands out from the others."""
+        return (quantile - self.middle) / self.spread

@@ -50,7 +50,7 @@ class MappedTag:
     Attributes:
         X_MT: Its pose.
         covariance: Covariance of place [m] and rotation [rad] about the axes of M, against the reference,
-            shape (6, 6). The size of the tags is taken to be exact.
+            shape (6, 6). The size of the tags, and a lens that is not refined, are taken to be exact.
         pictures: Number of pictures that tell of it.
     """
 
