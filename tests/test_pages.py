@@ -83,6 +83,7 @@ def test_a_page_does_what_it_says(
     monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path)])
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{':'.join(sys.path)}")  # of the processes of a sweep
     monkeypatch.setenv("COLUMNS", "80")  # of the tables
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)  # is for these tests, not for those of a page
     mpl.use("Agg")
     shown = any(block["language"] in ("sh", "python") for block in blocks(page))
     assert bool(follow(page, capfd)) == shown
