@@ -3,10 +3,10 @@
 A group of corners is tested against the map that all others make: if it is like the others, what vanishes
 from the sum of squares together with it, by what is left, has an F distribution. The groups are single
 sightings, all sightings of a tag (it moved) and all of a picture (it is blurred, or its tags moved). The
-group that is least likely is left out and the rest adjusted again, until no group is too unlikely. Of a tag
-or a picture only those sightings are left out that are less than half of them and leave a rest which agrees:
-several wrong sightings of one tag spoil each other's test, and that of the tag does not tell which they are.
-Source: W. Baarda, "A testing procedure for use in geodetic networks", 1968 (data snooping), for groups.
+group that is least likely is left out and the rest adjusted again, until no group is too unlikely. Where
+less than half of the sightings of a tag or a picture explain why it contradicts the others, only these are
+left out: several wrong sightings of one tag mask each other, and the test of the tag does not tell which they
+are. Source: W. Baarda, "A testing procedure for use in geodetic networks", 1968 (data snooping), for groups.
 """
 
 from __future__ import annotations
@@ -152,11 +152,11 @@ def _worst(found: Adjusted, seen: Sightings) -> list[Contradiction]:
         for kind in get_args(Kind)
     }
     scores = [usual[group.kind].score(_quantile(found, excess, rank)) for group, excess, rank in tested]
-    likely, k = norm.isf(FALSE_ALARMS / len(tested)), int(np.argmax(scores))
-    if scores[k] <= likely:
+    limit, k = norm.isf(FALSE_ALARMS / len(tested)), int(np.argmax(scores))
+    if scores[k] <= limit:
         return []
     group, excess, rank = tested[k]
-    few = _sightings_behind(found, Q, group, lambda quantile: usual[group.kind].score(quantile) <= likely)
+    few = _sightings_behind(found, Q, group, lambda quantile: usual[group.kind].score(quantile) <= limit)
     if not few:
         return [Contradiction(group, math.sqrt(excess / rank), scores[k])]
     return [
@@ -178,20 +178,34 @@ def _sightings_behind(
         than half of the group does not agree.
     """
     whole, of_whole = _tested(found, Q, group)
+    r, C = _unexplained(found, Q, group)
     few: list[tuple[Group, float, int]] = []
-    out, taken, of_taken = np.empty(0, dtype=np.intp), 0.0, 0
-    while 2 * (len(out) + 1) < len(group.members):
-        tried = [np.append(out, i) for i in group.members if i not in out]
-        tests = [_tested(found, Q, Group("sighting", members)) for members in tried]
-        k = int(np.argmax([excess for excess, _ in tests]))
-        (excess, rank), out = tests[k], tried[k]
-        few.append((Group("sighting", out[-1:]), excess - taken, rank - of_taken))
-        taken, of_taken = excess, rank
+    taken, of_taken, left = 0.0, 0, list(range(len(group.members)))
+    while 2 * (len(few) + 1) < len(group.members):
+        redundancy, directions = np.linalg.eigh(np.array([C[_own(k), _own(k)] for k in left]))
+        checked = redundancy > _LEAST_REDUNDANCY
+        along = np.einsum("kij,ki->kj", directions, np.array([r[_own(k)] for k in left]))
+        weight = np.where(checked, 1.0, 0.0) / np.where(checked, redundancy, 1.0)
+        excess = (along**2 * weight).sum(axis=1)
+        n = int(np.argmax(excess))
+        rank, k = int(checked[n].sum()), left.pop(n)
+        if not rank:  # nothing else checks what is left
+            return []
+        few.append((Group("sighting", group.members[k : k + 1]), float(excess[n]), rank))
+        taken, of_taken = taken + float(excess[n]), of_taken + rank
         if of_whole <= of_taken or is_likely(
             _quantile(found, whole - taken, of_whole - of_taken, taken, of_taken)
         ):
             return few
+        # Without that sighting, the others of the group are checked by the rest alone.
+        gain = C[:, _own(k)] @ (directions[n] * weight[n]) @ directions[n].T
+        r, C = r - gain @ r[_own(k)], C - gain @ C[_own(k)]
     return []
+
+
+def _own(sighting: int) -> slice:
+    """Return the rows of one sighting of a group."""
+    return slice(8 * sighting, 8 * sighting + 8)
 
 
 def _groups(seen: Sightings) -> list[Group]:
@@ -201,11 +215,17 @@ def _groups(seen: Sightings) -> list[Group]:
     return groups + [group for group in tags + pictures if len(group.members) > 1]
 
 
-def _tested(found: Adjusted, Q: Array, group: Group) -> tuple[float, int]:
-    """Return what a group adds to the sum of squares [px^2], and how many of its numbers are checked."""
+def _unexplained(found: Adjusted, Q: Array, group: Group) -> tuple[Array, Array]:
+    """Return the residuals of a group [px], and what share of its numbers' errors they are, as a matrix."""
     rows = (8 * group.members[:, np.newaxis] + np.arange(8)).ravel()
     r, J = found.residuals[rows], found.jacobian[rows].toarray()
-    redundancy, directions = np.linalg.eigh(np.eye(len(rows)) - J @ Q @ J.T)
+    return r, np.eye(len(rows)) - J @ Q @ J.T
+
+
+def _tested(found: Adjusted, Q: Array, group: Group) -> tuple[float, int]:
+    """Return what a group adds to the sum of squares [px^2], and how many of its numbers are checked."""
+    r, C = _unexplained(found, Q, group)
+    redundancy, directions = np.linalg.eigh(C)
     checked = redundancy > _LEAST_REDUNDANCY
     along = directions[:, checked].T @ r
     return float((along**2 / redundancy[checked]).sum()), int(checked.sum())
