@@ -60,7 +60,7 @@ class Shutter:
     def __init__(self, spec: CameraSpec, pinhole: PinholeCamera) -> None:
         """Prepare for a camera with this data sheet and these true intrinsics."""
         self._exposure_s = 1e-3 * spec.exposure_ms
-        self._readout_s = 1e-3 * spec.rolling_shutter_ms
+        self._rows = spec.rolling_shutter
         self._blur_px = spec.blur_px
         self._pinhole = pinhole
         # The latest exposure, of which several windows may be read, and its speed [px/s].
@@ -69,7 +69,7 @@ class Shutter:
     @property
     def instantaneous(self) -> bool:
         """Whether the whole frame is exposed at one instant."""
-        return self._exposure_s == 0.0 and self._readout_s == 0.0
+        return self._exposure_s == 0.0 and self._rows.readout_s == 0.0
 
     def exposures(self, window: Window, X_WC: SE3, motion: CameraMotion) -> Iterator[PartialExposure]:
         """Yield the instants that a window is the mean of, in their order.
@@ -85,7 +85,7 @@ class Shutter:
         if self._measured is None or self._measured[0] is not motion:
             self._measured = motion, motion.image_speed(self._pinhole, X_WC)
         speed = self._measured[1]
-        rolls = speed * self._readout_s > _LEAST_SHIFT_PX
+        rolls = speed * self._rows.readout_s > _LEAST_SHIFT_PX
         count = cells_of_smear(speed * self._exposure_s, self._blur_px, rolls)
         cell = self._exposure_s / count
         if rolls and cell * speed < _LEAST_CELL_PX:
@@ -97,8 +97,8 @@ class Shutter:
                     window, instant_after((k + 0.5 - 0.5 * count) * cell, X_WC, motion), share
                 )
             return
-        rows = np.arange(window.y, window.y_end)
-        middle = ((rows + 0.5) / self._pinhole.height - 0.5) * self._readout_s
+        rows = np.arange(window.y, window.y_end, dtype=np.float64)
+        middle = self._rows.after_stamp(rows)
         start = middle / cell - 0.5 * count  # in cells
         for k in range(math.floor(start[0]), math.ceil(start[-1] + count)):
             weights = (np.minimum(start + count, k + 1.0) - np.maximum(start, k)) / count

@@ -84,7 +84,7 @@ class CornerUpdate:
             rates: How the unit moves about an exposure.
         """
         if isinstance(measurement, PoseMeasurement):
-            return self._by_pose(prior, measurement)
+            return self._by_pose(prior, measurement, rates)
         return self.by_corners(prior, self._of_target(measurement), rates)
 
     def _of_target(self, detections: Detections) -> list[TagDetection]:
@@ -93,7 +93,7 @@ class CornerUpdate:
     def _start_by_pose(self, measurement: PoseMeasurement, known: Knowledge) -> StartingState:
         """Return a first state from a measured pose."""
         pose = pose_vector(measurement.X_DU)
-        by_errors = self._of_pose(self._at(pose))
+        by_errors = self._of_pose(self._at(pose), AT_REST)
         first, k = self._layout.first - POSE_SIZE, by_errors.shape[1]
         A = np.zeros((POSE_SIZE, len(known.mean)))
         A[:, first : first + k] = by_errors
@@ -104,14 +104,15 @@ class CornerUpdate:
         covariance = np.block([[measured + AQ @ A.T, AQ], [AQ.T, known.covariance]])
         return StartingState(np.concatenate([pose + A @ known.mean, known.mean]), covariance)
 
-    def _by_pose(self, prior: FilterState, measurement: PoseMeasurement) -> FilterState | None:
+    def _by_pose(self, prior: FilterState, measurement: PoseMeasurement, rates: Rates) -> FilterState | None:
         """Return the state corrected by a measured pose; None if that lies outside the gate."""
         P, n = prior.covariance, prior.mean.shape[0]
         # A measured pose is off by the errors of calibration as a pose from all tags would be.
         H = np.eye(3, n)
-        by_errors = self._of_pose(prior.mean)[:3]
+        by_errors = self._of_pose(prior.mean, rates)[:3]
         H[:, self._layout.first : self._layout.first + by_errors.shape[1]] = -by_errors
-        innovation = measurement.X_DU.as_array() - H @ prior.mean
+        # The pose is that at the exposure, of which the derivatives tell the way by the velocity then alone.
+        innovation = measurement.X_DU.as_array() + rates.way - rates.late * rates.velocity - H @ prior.mean
         innovation[2] = math.remainder(innovation[2], 2.0 * math.pi)
         S = H @ P @ H.T + measurement.covariance
         distance = float(innovation @ np.linalg.solve(S, innovation))
@@ -140,14 +141,11 @@ class CornerUpdate:
             tags: Tags of the target.
             rates: How the unit moves about the exposure.
         """
-        which, corners, sigma_px = measured_corners(self._layout, tags)
         target, layout, scale = self._target, self._layout, prior.noise_scale
         mean, covariance, chi2, cost, seen, fell = update(
             target.optics,
             layout.tags,
-            which,
-            corners,
-            sigma_px,
+            measured_corners(target, tags),
             rates,
             self._sheet,
             scale,
@@ -196,7 +194,7 @@ class CornerUpdate:
         state[:5] = pose
         return state
 
-    def _of_pose(self, state: Array) -> Array:
+    def _of_pose(self, state: Array, rates: Rates) -> Array:
         """Return what each error of calibration adds to the true pose where one is measured, shape (5, k).
 
         A pose is measured as :func:`joint_pose` computes it from the tags of the port, by the noise that it
@@ -209,7 +207,7 @@ class CornerUpdate:
         which = np.array([self._layout.index[i] for i in self._target.port_tags], dtype=np.int64)
         roots = np.tile(noise.corner_sigma_px * np.eye(8), (len(which), 1, 1))
         none = np.zeros(len(which))
-        seen = Seen(which, np.zeros((len(which), 8)), none, roots, AT_REST)
+        seen = Seen(which, np.zeros((len(which), 8)), np.zeros((len(which), 4)), none, roots, rates)
         by_errors = self._by_errors(state, seen, noise.tilt_sigma)
         by_errors[:, self._no_pixels] = 0.0
         by_errors[3:] = 0.0

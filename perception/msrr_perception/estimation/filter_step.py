@@ -58,7 +58,7 @@ class FilterStep:
         """Return the state after a measurement, which corrects it where it agrees."""
         prior = self._motion.to_measurement(before, self._wheels, measurement.exposure.stamp_ns)
         rates = AT_REST
-        if isinstance(measurement, Detections):
+        if isinstance(measurement, Detections) or self._motion.learns_clock:
             rates = self._motion.rates(prior, self._wheels)
             prior = replace(prior, told_ns=self._motion.told_until(rates, prior.stamp_ns))
         nowhere = _is_nowhere(prior)

@@ -117,14 +117,14 @@ class FirstFit:
 
     def _seen(self, tags: Sequence[TagDetection], state: Array, more_px: float = 0.0) -> Seen:
         """Return measured corners with their covariances, and with another independent deviation [px]."""
-        which, corners, sigma_px = measured_corners(self._layout, tags)
-        variances = variances_of_corners(corners, sigma_px, self._sheet, self._inflation)
+        measured = measured_corners(self._target, tags)
+        variances = variances_of_corners(measured.corners, measured.sigma_px, self._sheet, self._inflation)
         variances = variances._replace(rest=variances.rest + more_px**2)
         target = self._target
         roots = roots_of_covariance(
-            target.optics, self._layout.tags, which, corners, AT_REST, state, variances, target.frame_period_s
+            target.optics, self._layout.tags, measured, AT_REST, state, variances, target.frame_period_s
         )
-        return Seen(which, corners, variances.border, roots, AT_REST)
+        return Seen(measured.which, measured.corners, measured.after, variances.border, roots, AT_REST)
 
 
 def _is_good(cost: float, tags: int) -> bool:

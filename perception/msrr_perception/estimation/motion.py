@@ -103,6 +103,7 @@ class DriveMotion:
         drawn: What the drawing and its tolerances say of everything in a state but the pose.
         in_motion: Share of the errors of both radii and of the track, as the state has them, that act on the
             motion and not on the readings alone.
+        learns_clock: Whether the time by which the clock of the camera is ahead is in the state.
         about_ns: Largest time before and after the stamp of an exposure in which the wheels tell how the unit
             moved about it [ns].
     """
@@ -124,6 +125,7 @@ class DriveMotion:
         self._rounding = 2.0 * (2.0 * math.pi / odometry.ticks_per_turn * target.wheel_radius) ** 2 / 12.0
         self._play = 3.0 * target.tolerances.backlash
         self._clock = int(layout.tags.columns[0, CLOCK]) if len(layout.tags.columns) else -1
+        self.learns_clock = self._clock >= 0
         self._behind = _CLOCK_SIGMAS * target.tolerances.clock_s
         self.about_ns = round(self._behind * NS_PER_S) + _RATES_NS
         self._marker, self._pivot = -1 if layout.marker is None else layout.marker, layout.tags.pivot
@@ -156,7 +158,7 @@ class DriveMotion:
 
         What they did until :meth:`told_until` may not be known yet, and is extrapolated then.
         """
-        late = max(float(state.mean[self._clock]), -self._behind) if self._clock >= 0 else 0.0
+        late = max(float(state.mean[self._clock]), -self._behind) if self.learns_clock else 0.0
         now_ns = state.stamp_ns - round(late * NS_PER_S)
         now, stamp = history.angles_at(now_ns), history.angles_at(state.stamp_ns)
         if now is None or stamp is None:

@@ -74,7 +74,15 @@ LASTS_S = 0.03
 
 @kernel
 def project_tag(
-    optics: Optics, tags: TagMap, tag: int, border: float, rates: Rates, state: Array, pixels: Array, J: Array
+    optics: Optics,
+    tags: TagMap,
+    tag: int,
+    border: float,
+    rates: Rates,
+    after: Array,
+    state: Array,
+    pixels: Array,
+    J: Array,
 ) -> None:
     """Project the corners of a tag and write pixels and derivatives.
 
@@ -84,6 +92,7 @@ def project_tag(
         tag: Index of the tag.
         border: Distance by which what lies beyond the borders may move an edge [px].
         rates: How the unit moves about the exposure.
+        after: Time from the stamp to the exposure of each corner's row, shape (4,) [s].
         state: State, shape (n,).
         pixels: Output, shape (8,), ordered u0, v0, u1, v1 ...
         J: Output, derivatives of the pixels by the parameters, shape (8, PARAMETERS).
@@ -92,28 +101,31 @@ def project_tag(
     for k in range(PARAMETERS):
         if tags.columns[tag, k] >= 0:
             e[k] = state[tags.columns[tag, k]]
-    at_once, back = np.empty(3), np.empty(3)  # rates at the exposure, and the way since then
-    late = e[CLOCK] - rates.late
-    lasts = min(max(late, -LASTS_S), LASTS_S)
-    for k in range(3):
-        at_once[k] = rates.velocity[k] - lasts * rates.acceleration[k]
-        changed = lasts * (late - 0.5 * lasts) * rates.acceleration[k]
-        back[k] = rates.way[k] + late * rates.velocity[k] - changed
-    x, y, yaw = e[0] - back[0], e[1] - back[1], e[2] - back[2]
-    cy, sy = math.cos(yaw), math.sin(yaw)
+    at_once, pose = np.empty(3), np.empty(3)  # rates and pose at the exposure
     cp, sp = math.cos(e[3]), math.sin(e[3])
     cr, sr = math.cos(e[4]), math.sin(e[4])
-    R_UD, A = np.empty((3, 3)), np.zeros((3, 3))  # Rx^T Ry^T Rz^T, and from D to the camera
-    R_UD[0, 0], R_UD[0, 1], R_UD[0, 2] = cp * cy, cp * sy, -sp
-    R_UD[1, 0], R_UD[1, 1], R_UD[1, 2] = sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp
-    R_UD[2, 0], R_UD[2, 1], R_UD[2, 2] = cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
-                A[i, j] += optics.R_CU[i, k] * R_UD[k, j]
+    R_UD, A = np.empty((3, 3)), np.empty((3, 3))  # Rx^T Ry^T Rz^T, and from D to the camera
+    x, y, cy, sy = 0.0, 0.0, 1.0, 0.0
     T, size = tags.axes[tag], 1.0 + e[PRINT]
     local, arm, p_D, q, g = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty((3, PARAMETERS))
     for corner in range(4):
+        if corner == 0 or after[corner] != after[corner - 1]:
+            late = e[CLOCK] - rates.late - after[corner]
+            lasts = min(max(late, -LASTS_S), LASTS_S)
+            for k in range(3):
+                at_once[k] = rates.velocity[k] - lasts * rates.acceleration[k]
+                changed = lasts * (late - 0.5 * lasts) * rates.acceleration[k]
+                back = rates.way[k] + late * rates.velocity[k] - changed
+                pose[k] = e[k] - back
+            x, y, cy, sy = pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
+            R_UD[0, 0], R_UD[0, 1], R_UD[0, 2] = cp * cy, cp * sy, -sp
+            R_UD[1, 0], R_UD[1, 1], R_UD[1, 2] = sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp
+            R_UD[2, 0], R_UD[2, 1], R_UD[2, 2] = cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp
+            for i in range(3):
+                for j in range(3):
+                    A[i, j] = 0.0
+                    for k in range(3):
+                        A[i, j] += optics.R_CU[i, k] * R_UD[k, j]
         g[:, :] = 0.0
         base = tags.local[tag, corner]
         lx, ly = size * base[0], size * base[1]
@@ -201,10 +213,10 @@ def project_tag(
     outward = np.empty(8)
     J[:, BORDER:] = 0.0
     for corner in range(4):
-        before, after = 2 * ((corner + 3) % 4), 2 * ((corner + 1) % 4)
+        previous, following = 2 * ((corner + 3) % 4), 2 * ((corner + 1) % 4)
         row = 2 * corner
-        au, av = pixels[row] - pixels[before], pixels[row + 1] - pixels[before + 1]
-        bu, bv = pixels[after] - pixels[row], pixels[after + 1] - pixels[row + 1]
+        au, av = pixels[row] - pixels[previous], pixels[row + 1] - pixels[previous + 1]
+        bu, bv = pixels[following] - pixels[row], pixels[following + 1] - pixels[row + 1]
         a, b = max(math.hypot(au, av), 1e-6), max(math.hypot(bu, bv), 1e-6)
         # Corners are counter-clockwise as seen, v points down: the outer side is on the right of an edge.
         nu, nv = -av / a - bv / b, au / a + bu / b

@@ -24,11 +24,21 @@ _ANOTHER_PLACE_PX, _MOST_REPEATED = 0.5, 250.0
 _LASTING_FRAMES = 60.0
 
 
+class Measured(NamedTuple):
+    """What is measured of K tags in one exposure."""
+
+    which: NDArray[np.int64]  # (K,) index of each tag in the map of the target
+    corners: Array  # (K, 8) pixels, ordered u0, v0, u1, v1 ...
+    sigma_px: Array  # (K, 4) standard deviation of each corner as the image shows it; 0 if it does not
+    after: Array  # (K, 4) time from the stamp to the exposure of each corner's row [s]
+
+
 class Seen(NamedTuple):
-    """The K tags that were detected in one exposure."""
+    """The K tags that were detected in one exposure, as a fit takes them."""
 
     which: NDArray[np.int64]  # (K,) index of each tag in the map of the target
     corners: Array  # (K, 8) measured pixels, ordered u0, v0, u1, v1 ...
+    after: Array  # (K, 4) time from the stamp to the exposure of each corner's row [s]
     border: Array  # (K,) distance by which what lies beyond the borders may move an edge [px]
     roots: Array  # (K, 8, 8) lower triangles L, with covariance L L^T of the pixels of a tag [px]
     rates: Rates  # how the unit moves about the exposure
@@ -38,8 +48,7 @@ class Seen(NamedTuple):
 def roots_of_covariance(
     optics: Optics,
     tags: TagMap,
-    which: NDArray[np.int64],
-    corners: Array,
+    measured: Measured,
     rates: Rates,
     state: Array,
     variances: CornerVariances,
@@ -56,17 +65,17 @@ def roots_of_covariance(
     Args:
         optics: Camera and its mounting.
         tags: The tags of the target.
-        which: Index of each measured tag, shape (K,).
-        corners: Measured pixels, shape (K, 8).
+        measured: Corners of the K tags.
         rates: How the unit moves about the exposure.
         state: Predicted state, shape (n,) with n >= 5.
         variances: Variances of the corners.
         period: Time between two exposures [s].
     """
+    which, corners, after = measured.which, measured.corners, measured.after
     pixels, J, S = np.empty(8), np.empty((8, PARAMETERS)), np.empty((8, 8))
     roots, velocity = np.zeros((which.shape[0], 8, 8)), rates.velocity
     for t in range(which.shape[0]):
-        project_tag(optics, tags, which[t], 0.0, rates, state, pixels, J)
+        project_tag(optics, tags, which[t], 0.0, rates, after[t], state, pixels, J)
         moved = 0.0
         for r in range(8):
             speed = J[r, 0] * velocity[0] + J[r, 1] * velocity[1] + J[r, 2] * velocity[2]
@@ -107,7 +116,7 @@ def roots_of_covariance(
 def whitened(optics: Optics, tags: TagMap, seen: Seen, t: int, state: Array, pixels: Array, J: Array) -> None:
     """Write the residual of a tag into ``pixels`` and its derivatives into ``J``, both by its covariance."""
     tag, L = seen.which[t], seen.roots[t]
-    project_tag(optics, tags, tag, seen.border[t], seen.rates, state, pixels, J)
+    project_tag(optics, tags, tag, seen.border[t], seen.rates, seen.after[t], state, pixels, J)
     for r in range(8):
         total = seen.corners[t, r] - pixels[r]
         for k in range(r):

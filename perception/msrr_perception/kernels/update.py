@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from msrr_perception.kernels.calibrated import PARAMETERS, Rates, TagMap
 from msrr_perception.kernels.compiled import kernel, subroutine
-from msrr_perception.kernels.corners import Seen, roots_of_covariance, whitened
+from msrr_perception.kernels.corners import Measured, Seen, roots_of_covariance, whitened
 from msrr_perception.kernels.linear_algebra import cholesky, solve
 from msrr_perception.kernels.project import Optics
 from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
@@ -87,9 +87,7 @@ def distances(S: Array, r: Array) -> Array:
 def update(
     optics: Optics,
     tags: TagMap,
-    which: NDArray[np.int64],
-    corners: Array,
-    sigma_px: Array,
+    measured: Measured,
     rates: Rates,
     sheet: DataSheet,
     scale: float,
@@ -103,9 +101,7 @@ def update(
     Args:
         optics: Camera and its mounting.
         tags: The tags of the target, and where the state has what they depend on.
-        which: Index of each measured tag, shape (K,).
-        corners: Measured pixels, shape (K, 8), ordered u0, v0, u1, v1 ...
-        sigma_px: Standard deviation of each corner as the image shows it, shape (K, 4); 0 if it does not.
+        measured: Corners of the K tags.
         rates: How the unit moves about the exposure.
         sheet: What the errors of the corners depend on.
         scale: Factor on the variances by data sheet.
@@ -120,9 +116,10 @@ def update(
         cost fell with every step and all variances are positive; if not, or without a tag inside the gate,
         the state is not to be used.
     """
-    n, variances = mean.shape[0], variances_of_corners(corners, sigma_px, sheet, scale)
-    roots = roots_of_covariance(optics, tags, which, corners, rates, mean, variances, period)
-    seen = Seen(which, corners, variances.border, roots, rates)
+    n, which, corners = mean.shape[0], measured.which, measured.corners
+    variances = variances_of_corners(corners, measured.sigma_px, sheet, scale)
+    roots = roots_of_covariance(optics, tags, measured, rates, mean, variances, period)
+    seen = Seen(which, corners, measured.after, variances.border, roots, rates)
     rows = 8 * which.shape[0]
     r, J, JP, S = np.empty(rows), np.empty((rows, PARAMETERS)), np.empty((rows, n)), np.empty((rows, rows))
     for t in range(which.shape[0]):
@@ -130,7 +127,9 @@ def update(
     relate(tags, which, covariance, J, JP, S)
     inside = distances(S, r) <= rules.gate
     if not inside.all():
-        seen = Seen(which[inside], corners[inside], seen.border[inside], roots[inside], rates)
+        seen = Seen(
+            which[inside], corners[inside], seen.after[inside], seen.border[inside], roots[inside], rates
+        )
         rows = 8 * seen.which.shape[0]
         of_tags = np.repeat(inside, 8)
         r, J, JP, S = r[of_tags], J[of_tags], JP[of_tags], S[of_tags][:, of_tags].copy()

@@ -9,7 +9,7 @@ import numpy as np
 
 from msrr_perception.kernels.calibrated import AT_REST, PARAMETERS, TagMap
 from msrr_perception.kernels.compiled import compiler
-from msrr_perception.kernels.corners import Seen, derivatives, roots_of_covariance
+from msrr_perception.kernels.corners import Measured, Seen, derivatives, roots_of_covariance
 from msrr_perception.kernels.dock_frame import pose_by_marker, predict
 from msrr_perception.kernels.drive import Drive, propagate
 from msrr_perception.kernels.edges import intersect_edges, refine_corners
@@ -46,9 +46,10 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     tag_extent(pixels, np.ones((4, 2)), 1.0, 1.0, 0.1, 1.0)
     row, sheet = pixels.reshape(1, 8), DataSheet(1.0, 1.0, 1.0, 0.0)
     variances = variances_of_corners(row, np.ones((1, 4)), sheet, 1.0)
-    roots = roots_of_covariance(optics, tags, which, row, AT_REST, state, variances, 0.1)
-    seen, rules = Seen(which, row, np.zeros(1), roots, AT_REST), Rules(1.0, 1, 1.0)
-    update(optics, tags, which, row, np.ones((1, 4)), AT_REST, sheet, 1.0, 0.1, state, np.eye(8), rules)
+    measured = Measured(which, row, np.ones((1, 4)), np.zeros((1, 4)))
+    roots = roots_of_covariance(optics, tags, measured, AT_REST, state, variances, 0.1)
+    seen, rules = Seen(which, row, measured.after, np.zeros(1), roots, AT_REST), Rules(1.0, 1, 1.0)
+    update(optics, tags, measured, AT_REST, sheet, 1.0, 0.1, state, np.eye(8), rules)
     derivatives(optics, tags, seen, state)
     fit(optics, tags, seen, state, state, np.eye(8), 2, 1e-3)
     steps, drive = np.zeros((1, 5)), Drive(*[1.0] * len(Drive._fields)).packed()

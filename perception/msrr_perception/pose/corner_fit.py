@@ -13,10 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_perception.kernels.calibrated import AT_REST
-from msrr_perception.kernels.corners import Seen
+from msrr_perception.kernels.corners import Measured, Seen
 from msrr_perception.kernels.fit import fit
 from msrr_perception.pose.calibration import StateLayout
 from msrr_perception.pose.target import YAW, TargetModel
@@ -138,31 +137,28 @@ def pieces_along_yaw(
     return sorted(pieces, key=lambda piece: piece.cost) or list(solutions)
 
 
-def measured_corners(
-    layout: StateLayout, tags: Sequence[TagDetection]
-) -> tuple[NDArray[np.int64], Array, Array]:
-    """Return index, corners [px] and measured deviations [px] of K tags, shapes (K,), (K, 8) and (K, 4).
-
-    Deviations of tags whose corners do not tell theirs are 0.
-    """
-    which = np.array([layout.index[t.tag_id] for t in tags], dtype=np.int64)
-    corners = np.array([t.corners for t in tags], dtype=np.float64).reshape(-1, 8)
+def measured_corners(target: TargetModel, tags: Sequence[TagDetection]) -> Measured:
+    """Return what is measured of tags of the target."""
+    which = np.array([target.layout.index[t.tag_id] for t in tags], dtype=np.int64)
+    corners = np.array([t.corners for t in tags], dtype=np.float64).reshape(-1, 4, 2)
     not_measured = np.zeros(4)
     sigmas = [not_measured if t.corner_sigma_px is None else t.corner_sigma_px for t in tags]
-    return which, corners, np.array(sigmas, dtype=np.float64)
+    after = target.shutter.after_stamp_ideal(target.lens, corners)
+    return Measured(which, corners.reshape(-1, 8), np.array(sigmas, dtype=np.float64), after)
 
 
-def equally_good(layout: StateLayout, tags: Sequence[TagDetection], sigma_px: float) -> Seen:
+def equally_good(target: TargetModel, tags: Sequence[TagDetection], sigma_px: float) -> Seen:
     """Return measured corners that are all equally good and independent, for a target that stands.
 
     Args:
-        layout: Layout of the state, which knows the tags.
+        target: Camera and map of the tags.
         tags: Tags of the target.
         sigma_px: Standard deviation of each corner coordinate [px].
     """
-    which, corners, _ = measured_corners(layout, tags)
-    roots = np.tile(sigma_px * np.eye(8), (len(which), 1, 1))
-    return Seen(which, corners, np.zeros(len(which)), roots, AT_REST)
+    measured = measured_corners(target, tags)
+    count = len(tags)
+    roots = np.tile(sigma_px * np.eye(8), (count, 1, 1))
+    return Seen(measured.which, measured.corners, measured.after, np.zeros(count), roots, AT_REST)
 
 
 def fit_corners(

@@ -13,11 +13,13 @@ import numpy as np
 from msrr_perception.pose.corner_errors import CornerErrors, corners_by_sections, surplus
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera
+from msrr_scenes.geometry.rolling_shutter import RollingShutter
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
-from msrr_scenes.messages import Detections, GlobalPose, TagDetection
+from msrr_scenes.messages import NS_PER_S, Detections, GlobalPose, TagDetection
 from msrr_scenes.specs.bodies import TAG_PLATE_M
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import OverheadCameraSpec
@@ -114,7 +116,8 @@ class GlobalLocalizer:
 
     def __init__(
         self,
-        camera: PinholeCamera,
+        lens: Lens,
+        shutter: RollingShutter,
         X_WC: SE3,
         tags: Mapping[int, FlatTag],
         errors: CornerErrors,
@@ -123,14 +126,16 @@ class GlobalLocalizer:
         """Create a localizer.
 
         Args:
-            camera: Intrinsics of the overhead camera.
+            lens: Intrinsics of the overhead camera, by calibration.
+            shutter: When it exposes the rows of a frame.
             X_WC: Pose of the camera, by calibration.
             tags: Tag id -> the body that carries the tag, and the tag's corners on it.
             errors: Errors of the corners.
             strain: Standard deviation of the relative error of a length as the camera shows it, by its
                 tolerances.
         """
-        self.camera = camera
+        self.camera = camera = lens.camera
+        self._lens, self._shutter = lens, shutter
         self._strain = strain
         self.X_WC = X_WC
         self._X_CW = X_WC.inverse()
@@ -150,7 +155,12 @@ class GlobalLocalizer:
         self.lasting_share: Mapping[str, float] = MappingProxyType(lasting_share)
 
     def locate(self, detections: Detections) -> tuple[GlobalPose, ...]:
-        """Return the pose of every known body among the detections, in the order of the tags."""
+        """Return the pose of every known body among the detections, in the order of the tags.
+
+        Each has the mean of the times at which the rows of its corners were exposed. Between these a body
+        drives on, which turns its measured heading by 1.5 mrad at 0.3 m/s and 30 ms from the top row of the
+        frame to the bottom row; that is not corrected.
+        """
         found = (
             self._locate(tag, self.tags[tag.tag_id], detections.exposure.stamp_ns)
             for tag in detections.tags
@@ -176,6 +186,8 @@ class GlobalLocalizer:
         more = float(surplus(seen.corner_sigma_px, self._modelled[tag.name]).mean())
         if more > 0.0:
             covariance *= 1.0 + more / self._modelled[tag.name]
+        after = float(self._shutter.after_stamp_ideal(self._lens, seen.corners).mean())
+        stamp_ns += round(after * NS_PER_S)
         return GlobalPose(tag.name, stamp_ns, X_WB, 0.5 * (covariance + covariance.T))
 
     def _by_sections(self, tag: FlatTag) -> Array:

@@ -18,6 +18,7 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
+from msrr_scenes.geometry.rolling_shutter import RollingShutter
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import GlobalPose, Pixels
 from msrr_scenes.specs.scene import Scene
@@ -33,6 +34,7 @@ class OverheadModel:
 
     Attributes:
         lens: Intrinsics of the overhead camera, by calibration.
+        shutter: When the camera exposes the rows of a frame, by data sheet.
         X_WC: Pose of the camera, by calibration.
         tags: Tag id -> the body that carries the tag, and the tag's corners in that body's frame.
         obstacle_radius: Obstacle -> radius of the circle about its footprint [m]; also of those that appear
@@ -49,6 +51,7 @@ class OverheadModel:
     """
 
     lens: Lens
+    shutter: RollingShutter
     X_WC: SE3
     tags: Mapping[int, FlatTag]
     obstacle_radius: Mapping[str, float]
@@ -85,6 +88,7 @@ class OverheadModel:
         heights = [tag.height for tag in tags.values() if tag.name in scene.units]
         return cls(
             lens=lens,
+            shutter=spec.rolling_shutter,
             X_WC=X_WC,
             tags=MappingProxyType(tags),
             obstacle_radius=MappingProxyType(
@@ -142,4 +146,6 @@ class OverheadModel:
 
     def localizer(self) -> GlobalLocalizer:
         """Return the localizer for this camera's detections."""
-        return GlobalLocalizer(self.camera, self.X_WC, self.tags, self.corner_errors, self.errors.strain)
+        return GlobalLocalizer(
+            self.lens, self.shutter, self.X_WC, self.tags, self.corner_errors, self.errors.strain
+        )

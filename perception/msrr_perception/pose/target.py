@@ -18,6 +18,7 @@ from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pin_and_hole import PinAndHole
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
+from msrr_scenes.geometry.rolling_shutter import RollingShutter
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
@@ -77,6 +78,7 @@ class TargetModel:
         corner_errors: Errors of the corners of tags, by data sheet of the camera.
         tolerances: Tolerances of all of this calibration.
         frame_period_s: Time between two exposures of the camera [s].
+        shutter: When the camera exposes the rows of a frame, by data sheet.
         latency_s: Time from an exposure of the camera to the arrival of its tags [s].
         to_light: Grey level of every pixel value on a straight tone curve, shape (256,); None if the camera
             has one.
@@ -98,6 +100,7 @@ class TargetModel:
     corner_errors: CornerErrors
     tolerances: Tolerances
     frame_period_s: float
+    shutter: RollingShutter
     latency_s: float
     to_light: Pixels | None
     tag_family: TagFamily
@@ -177,6 +180,7 @@ class TargetModel:
             corner_errors=CornerErrors.from_spec(spec, UPRIGHT_CONTRAST),
             tolerances=Tolerances.from_spec(scene.as_built),
             frame_period_s=1.0 / spec.rate_hz,
+            shutter=spec.rolling_shutter,
             latency_s=1e-3 * spec.latency_ms,
             to_light=straight_tone(spec),
             tag_family=scene.tags.tag_family,

@@ -10,6 +10,7 @@ from pydantic import Field
 from msrr_scenes.geometry.distortion import COEFFICIENTS, Distortion
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera
+from msrr_scenes.geometry.rolling_shutter import RollingShutter
 from msrr_scenes.specs.spec import (
     Angle,
     Choice,
@@ -132,6 +133,11 @@ class CameraSpec(Spec):
     def distortion(self) -> Distortion:
         """What the lens does to the image of the ideal camera, by calibration."""
         return self.lens.distortion
+
+    @property
+    def rolling_shutter(self) -> RollingShutter:
+        """When the rows of a frame are exposed."""
+        return RollingShutter(self.height_px, 1e-3 * self.rolling_shutter_ms)
 
     @property
     def lens(self) -> Lens:

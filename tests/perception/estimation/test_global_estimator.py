@@ -17,6 +17,7 @@ from scipy.stats import chi2
 
 from msrr_perception.estimation.global_estimator import GlobalEstimator
 from msrr_perception.pose.corner_errors import corners_by_sections
+from msrr_perception.pose.global_pose import FlatTag
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
@@ -28,6 +29,7 @@ from msrr_scenes.messages import (
     GlobalPose,
     PoseEstimate,
     TagDetection,
+    Twist,
     WheelOdometry,
 )
 from msrr_scenes.specs.scene import Scene
@@ -70,6 +72,7 @@ class Arena:
     scale_error: float = 0.02
     wheel_scale: tuple[float, float] | None = None
     speed: Callable[[float], tuple[float, float]] = lambda t: (0.22, 0.6 * math.sin(t))
+    twists: dict[str, Twist] = field(default_factory=dict)  # of other bodies that drive
     seen: Callable[[str, float], bool] = lambda name, t: True
     tick: int = 0
 
@@ -98,7 +101,7 @@ class Arena:
                 self._lasting[name] = (X_WB, drawn[0])
             if self.seen(name, 1e-9 * self.now_ns):
                 tag_id = self.model.tag_of[name]
-                pixels = self._locator.pixels(self.model.tags[tag_id], X_WB)
+                pixels = self._row_by_row(self.model.tags[tag_id], X_WB, self._twist(name))
                 edge_px = float(np.linalg.norm(pixels[1] - pixels[0]))
                 of_edges = errors.frame_px(edge_px) * drawn[1]
                 of_edges = of_edges + errors.lasting_px(edge_px) * self._lasting[name][1]
@@ -107,6 +110,18 @@ class Arena:
                 tags.append(TagDetection(tag_id, pixels + moved))
         exposure = Exposure("overhead", self.tick // FRAME_TICKS, self.now_ns)
         return Detections(exposure, tuple(tags), ())
+
+    def _twist(self, name: str) -> Twist:
+        return Twist(*self.speed(1e-9 * self.now_ns)) if name == "a" else self.twists.get(name, Twist())
+
+    def _row_by_row(self, tag: FlatTag, X_WB: SE2, twist: Twist) -> np.ndarray:
+        """Corners of a tag, each where it is when its row is exposed, shape (4, 2)."""
+        pixels = self._locator.pixels(tag, X_WB)
+        for _ in range(3 if self.model.shutter.readout_s else 0):  # the third guess of the rows is exact
+            after = self.model.shutter.after_stamp(pixels[:, 1])
+            moved = [X_WB @ SE2.exp(twist.v * t, 0.0, twist.w * t) for t in after.tolist()]
+            pixels = np.array([self._locator.pixels(tag, X)[c] for c, X in enumerate(moved)])
+        return pixels
 
     def _wheel_message(self) -> None:
         quantum = 2.0 * math.pi / 4096
@@ -123,6 +138,9 @@ class Arena:
         way = np.array([v - 0.5 * w * track, v + 0.5 * w * track]) * TICK_NS * 1e-9
         self.X_WU = self.X_WU @ SE2.exp(float(way.mean()), 0.0, float(way[1] - way[0]) / track)
         self._wheels += way / (1.0 + self._scale) / self.wheels.wheel_radius
+        for name, twist in self.twists.items():
+            step = SE2.exp(twist.v * TICK_NS * 1e-9, 0.0, twist.w * TICK_NS * 1e-9)
+            self.poses[name] = self.poses[name] @ step
         self.tick += 1
         self._wheel_message()
 
@@ -187,6 +205,27 @@ def test_accuracy_and_honesty_over_40_drives(make: Make) -> None:
     assert squares["a"] < high
     assert low < squares["b"] < high
     assert low < squares["c"] < high
+
+
+def test_rows_of_bodies_that_drive_are_exposed_one_after_another(scene: Scene) -> None:
+    """Covariances are honest with a rolling shutter as well: 1 in 10,000 sets of 20 drives fails.
+
+    A camera that reads its rows in 30 ms shows a unit at 0.22 m/s up to 3 mm from where it is at the stamp.
+    With one time for all rows the errors squared of unit a add up to 3149, where 60 is right.
+    """
+    given = {"cameras": {"overhead": {"rolling_shutter_ms": 30.0}}}
+    rolling = Scene.model_validate({**scene.model_dump(exclude=set(given)), **given})
+    model = OverheadModel.from_scene(rolling, ("a", "b"))
+    drive = TargetModel.from_scene(rolling, rolling.docks[0])
+    squares = {"a": 0.0, "c": 0.0}
+    for seed in range(20):
+        estimator = estimator_of(rolling, model)
+        arena = Arena(model, drive, estimator, seed, twists={"c": Twist(0.22, 0.3)})
+        known = arena.drive(4.0)
+        assert known is not None
+        squares["a"] += nees(known.own, arena.X_WU)
+        squares["c"] += nees(known.others[0], arena.poses["c"])
+    assert max(squares.values()) < chi2.ppf(1.0 - 5e-5, 3 * 20)
 
 
 def test_a_unit_that_drives_is_followed_ahead_of_the_latency(make: Make) -> None:

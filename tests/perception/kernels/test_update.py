@@ -13,7 +13,7 @@ from scipy.stats import chi2
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.motion import FilterState
 from msrr_perception.kernels.calibrated import AT_REST, Rates
-from msrr_perception.kernels.corners import Seen, derivatives, roots_of_covariance
+from msrr_perception.kernels.corners import Measured, Seen, derivatives, roots_of_covariance
 from msrr_perception.kernels.section_errors import CornerVariances
 from msrr_perception.pose.corner_errors import surplus
 from msrr_perception.pose.joint_pose import CornerNoise
@@ -47,18 +47,20 @@ def _by_numpy(
     layout, m, P = target.filter_layout, prior.mean, prior.covariance
     which = np.array([layout.index[t.tag_id] for t in tags])
     corners = np.array([t.corners.reshape(8) for t in tags])
+    after = target.shutter.after_stamp(corners[:, 1::2])
+    measured = Measured(which, corners, np.zeros((len(tags), 4)), after)
     variances = _variances(target, tags, prior.noise_scale)
     roots = roots_of_covariance(
-        target.optics, layout.tags, which, corners, rates, m, variances, target.frame_period_s
+        target.optics, layout.tags, measured, rates, m, variances, target.frame_period_s
     )
     inside, border = [], variances.border
     for t in range(len(tags)):
-        one = Seen(which[t : t + 1], corners[t : t + 1], border[t : t + 1], roots[t : t + 1], rates)
+        one = Seen(which[[t]], corners[[t]], after[[t]], border[[t]], roots[[t]], rates)
         r, J = derivatives(target.optics, layout.tags, one, m)
         inside.append(r @ np.linalg.solve(J @ P @ J.T + np.eye(8), r) <= chi2.ppf(GATE, 8))
     if not any(inside):
         return None
-    seen = Seen(which[inside], corners[inside], border[inside], roots[inside], rates)
+    seen = Seen(which[inside], corners[inside], after[inside], border[inside], roots[inside], rates)
     information = np.linalg.inv(P)
     x, (r, J) = m, derivatives(target.optics, layout.tags, seen, m)
     cost = chi = r @ r
@@ -95,10 +97,11 @@ def _prior(target: TargetModel, rng: np.random.Generator) -> FilterState:
     return FilterState(0, mean, 0.5 * (P + P.T), None, 0, 0, rng.uniform(1.0, 3.0))
 
 
-@pytest.mark.parametrize("grade", ["perfect", "careful"])
-def test_the_update_is_that_of_plain_numpy(scene: Scene, see: See, grade: str) -> None:
+@pytest.mark.parametrize(("grade", "readout_ms"), [("perfect", 0.0), ("careful", 0.0), ("careful", 30.0)])
+def test_the_update_is_that_of_plain_numpy(scene: Scene, see: See, grade: str, readout_ms: float) -> None:
     """One to five tags, with and without measured deviations, one of them far off in a third of the cases."""
-    built = Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": grade})
+    given = {"as_built": grade, "cameras": {"onboard": {"rolling_shutter_ms": readout_ms}}}
+    built = Scene.model_validate({**scene.model_dump(exclude=set(given)), **given})
     target = TargetModel.from_scene(built.told(), built.docks[0])
     update = CornerUpdate(target, CornerNoise(), None, GATE, 2.0)
     rng, compared, gated = np.random.default_rng(5), 0, 0

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from msrr_perception.kernels.calibrated import AT_REST, PARAMETERS, Rates, project_tag
+from msrr_perception.kernels.calibrated import AT_REST, CLOCK, PARAMETERS, Rates, project_tag
 from msrr_perception.pose.calibration import POSE_SIZE
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.as_built.draw import draw_as_built
@@ -64,7 +64,7 @@ def _true_pixels(name: str, error: float) -> tuple[TargetModel, dict[int, np.nda
 
 def _projected(told: TargetModel, tag: int, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     pixels, J, layout = np.empty(8), np.empty((8, PARAMETERS)), told.filter_layout
-    project_tag(told.optics, layout.tags, layout.index[tag], 0.0, AT_REST, state, pixels, J)
+    project_tag(told.optics, layout.tags, layout.index[tag], 0.0, AT_REST, np.zeros(4), state, pixels, J)
     return pixels.reshape(4, 2), J
 
 
@@ -93,24 +93,43 @@ def test_derivatives_are_those_of_the_projection() -> None:
     told = TargetModel.from_scene(scene.told(), scene.docks[0])
     layout, rng = told.filter_layout, np.random.default_rng(5)
     rates, h = Rates(1e-3, *np.array([[1e-3, 2e-4, 3e-3], [0.1, 0.02, 0.3], [0.5, 0.1, 4.0]])), 1e-6
+    after = np.array([-2e-3, 1e-3, 1e-3, 4e-3])
     state = np.zeros(layout.size)
     state[:5] = pose_vector(X_DU, 0.01, -0.01)
     state[layout.first :] = 0.1 * layout.prior * rng.standard_normal(len(layout.prior))
     for tag, k in layout.index.items():
         J, pixels = np.empty((8, PARAMETERS)), np.empty((3, 8))
         spare = np.empty((8, PARAMETERS))
-        project_tag(told.optics, layout.tags, k, 0.3, rates, state, pixels[0], J)
+        project_tag(told.optics, layout.tags, k, 0.3, rates, after, state, pixels[0], J)
         for column in range(PARAMETERS):
             at = layout.tags.columns[k, column]
             if at < 0:
                 continue
             e = np.zeros(layout.size)
             e[at] = h
-            project_tag(told.optics, layout.tags, k, 0.3, rates, state + e, pixels[1], spare)
-            project_tag(told.optics, layout.tags, k, 0.3, rates, state - e, pixels[2], spare)
+            project_tag(told.optics, layout.tags, k, 0.3, rates, after, state + e, pixels[1], spare)
+            project_tag(told.optics, layout.tags, k, 0.3, rates, after, state - e, pixels[2], spare)
             found = (pixels[1] - pixels[2]) / (2.0 * h)
             # To first order in the angles of the mounts, a few 1e-4 rad here.
             assert np.abs(found - J[:, column]).max() < 0.01 * max(np.abs(found).max(), 1.0), (tag, column)
+
+
+def test_a_corner_whose_row_is_exposed_later_is_seen_as_by_a_clock_that_is_behind() -> None:
+    scene = load_scene("close_range", {"as_built": "careful"})
+    told = TargetModel.from_scene(scene.told(), scene.docks[0])
+    layout, after = told.filter_layout, np.array([-12e-3, 5e-3, 0.0, 20e-3])
+    rates = Rates(1e-3, *np.array([[1e-3, 2e-4, 3e-3], [0.1, 0.02, 0.3], [0.5, 0.1, 4.0]]))
+    state, clock = np.zeros(layout.size), layout.tags.columns[0, CLOCK]
+    state[:5] = pose_vector(X_DU, 0.01, -0.01)
+    rows, J = np.empty(8), np.empty((8, PARAMETERS))
+    project_tag(told.optics, layout.tags, 0, 0.0, rates, after, state, rows, J)
+    for corner, late in enumerate(-after):
+        behind, spare = state.copy(), np.empty((8, PARAMETERS))
+        behind[clock] = late
+        at_once, of_corner = np.empty(8), slice(2 * corner, 2 * corner + 2)
+        project_tag(told.optics, layout.tags, 0, 0.0, rates, np.zeros(4), behind, at_once, spare)
+        np.testing.assert_allclose(rows[of_corner], at_once[of_corner], atol=1e-9)
+        np.testing.assert_allclose(J[of_corner, :CLOCK], spare[of_corner, :CLOCK], atol=1e-6)
 
 
 def test_a_tolerance_of_next_to_nothing_can_be_computed_with() -> None:

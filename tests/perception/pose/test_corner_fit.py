@@ -23,7 +23,7 @@ def _seen(target: TargetModel, pixels: np.ndarray) -> Seen:
     """Return the pixels of the corners of the tags of the port as measurements of 0.25 px."""
     corners = pixels.reshape(-1, 4, 2)
     tags = [TagDetection(i, c, 50.0, 0) for i, c in zip(target.port_tags, corners, strict=True)]
-    return equally_good(target.layout, tags, 0.25)
+    return equally_good(target, tags, 0.25)
 
 
 def test_a_fit_ends_where_the_gradient_vanishes(

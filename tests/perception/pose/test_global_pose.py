@@ -44,7 +44,7 @@ def overhead() -> Scene:
 def localizer(overhead: Scene) -> GlobalLocalizer:
     spec = overhead.cameras.overhead
     assert spec is not None
-    return GlobalLocalizer(spec.pinhole, overhead_pose(spec), flat_tags(overhead), ERRORS)
+    return GlobalLocalizer(spec.lens, spec.rolling_shutter, overhead_pose(spec), flat_tags(overhead), ERRORS)
 
 
 def _pixels(localizer: GlobalLocalizer, tag: int, X_WB: SE2) -> np.ndarray:
@@ -161,7 +161,9 @@ def test_a_tag_is_believed_up_to_the_strain_of_its_camera(
     """
     spec = overhead.cameras.overhead
     assert spec is not None
-    localizer = GlobalLocalizer(spec.pinhole, overhead_pose(spec), flat_tags(overhead), ERRORS, strain)
+    localizer = GlobalLocalizer(
+        spec.lens, spec.rolling_shutter, overhead_pose(spec), flat_tags(overhead), ERRORS, strain
+    )
     corners = _pixels(localizer, 0, SE2(0.3, 0.2, 0.4))
     middle, X_WB = corners.mean(axis=0), SE2(0.3, 0.2, 0.4)
     for share, believed in ((0.9 * largest, True), (2.0 * largest, False)):
