@@ -185,7 +185,9 @@ def _task(scene: Scene) -> str:
     """Return in words what a scene asks for."""
     if scene.shape is not None:
         return "shape " + ", then ".join(map(str, scene.shape))
-    return ", then ".join(map(str, scene.plan if scene.coordinated else scene.docks_in_order))
+    if scene.coordinated:  # units drive at the same time, as far as the order of the steps lets them
+        return "; ".join(map(str, scene.plan))
+    return ", then ".join(map(str, scene.docks_in_order))
 
 
 def _robots(scene: Scene) -> Iterator[str]:

@@ -11,13 +11,15 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
+import numpy as np
+
 from msrr_scenes.errors import ProgramFailedError
 
 #: Checks what a member gave: called with its result and the arguments of the call. It returns the result to
 #: pass on, or raises ValueError with what the result is and what was expected.
 Check = Callable[..., Any]
 
-#: Longest description of an error that is passed on [characters].
+#: Longest description of an error, and longest reason, that is passed on [characters].
 _LONGEST = 300
 
 _MISSING = object()
@@ -69,7 +71,8 @@ class Guarded:
 
     def _watched(self, member: str, function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
         try:
-            return function(*args, **kwargs)
+            with np.errstate():  # what a class makes of NumPy's warnings ends with its call
+                return function(*args, **kwargs)
         except (Exception, SystemExit) as error:
             raise failure(self._kind, self._name, type(self._inner), member, error) from error
 
@@ -138,14 +141,14 @@ def wrong(result: object, expected: str) -> NoReturn:
     Raises:
         ValueError: The result in a few words, and what was expected.
     """
-    raise ValueError(f"{_plain(repr(result), 80)}; expected {expected}")
+    raise ValueError(f"{plain_text(repr(result), 80)}; expected {expected}")
 
 
 def in_one_line(error: BaseException) -> str:
     """Return type and message of an exception in one line, the same in every process."""
     if isinstance(error, SyntaxError):  # without the folder of its file
-        return _plain(f"{type(error).__name__}: {error.msg}", _LONGEST)
-    return _plain("".join(traceback.format_exception_only(error)), _LONGEST)
+        return plain_text(f"{type(error).__name__}: {error.msg}")
+    return plain_text("".join(traceback.format_exception_only(error)))
 
 
 def raised_at(error: BaseException, own_file: str | None) -> str:
@@ -190,7 +193,7 @@ def _place(file: str | None, line: int | None) -> str:
     return name if line is None else f"{name} line {line}"
 
 
-def _plain(text: str, longest: int) -> str:
+def plain_text(text: str, longest: int = _LONGEST) -> str:
     """Return a text in one line that can be written, without addresses, which differ between processes."""
     text = re.sub(r"0x[0-9a-fA-F]{6,}", "0x...", " ".join(text.split()))
     text = text.encode("utf-8", "backslashreplace").decode()

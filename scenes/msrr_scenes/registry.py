@@ -8,6 +8,7 @@ from copy import deepcopy
 from operator import attrgetter
 from typing import Any, TypeVar, cast
 
+import numpy as np
 from pydantic import BaseModel
 
 from msrr_scenes.errors import ChangedFileError, MsrrError, SceneError, UnknownNameError
@@ -101,7 +102,8 @@ def _import(kind: str, name: str, table: ExtensionPoint[T]) -> object:
     if not all(part.isidentifier() for part in module_name.split(".")):
         raise UnknownNameError(kind, name, table, _HINT)
     try:
-        module = import_own(module_name)
+        with np.errstate():
+            module = import_own(module_name)
     except ChangedFileError as error:
         raise ChangedFileError(f"{kind} {name!r}: {error}") from None
     except (Exception, SystemExit) as error:
@@ -141,7 +143,8 @@ def build(kind: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fix
             given += [f"{key}={value!r}" for key, value in {**fixed, **choice.params}.items()]
             raise SceneError(f"{kind} {choice.name!r} does not take ({', '.join(given)}): {error}") from error
     try:
-        built = factory(*args, **fixed, **deepcopy(choice.params))  # a class may change what it is given
+        with np.errstate():
+            built = factory(*args, **fixed, **deepcopy(choice.params))  # a class may change what it is given
     except MsrrError:
         raise
     except (Exception, SystemExit) as error:

@@ -6,6 +6,7 @@ import inspect
 from pathlib import PurePosixPath
 from typing import Any
 
+import numpy as np
 import pytest
 
 from msrr_scenes.errors import ProgramFailedError, SceneError
@@ -128,6 +129,17 @@ def test_another_object_of_the_kind_is_guarded_too() -> None:
     inner.other = Faulty()
     with pytest.raises(ProgramFailedError, match="returned 1;"):
         guarded(inner).for_large().double(1)
+
+
+def test_what_a_class_makes_of_numpy_s_warnings_ends_with_its_call() -> None:
+    class Strict(Doubler):
+        def double(self, x: Any) -> Any:
+            np.seterr(all="raise")
+            return x + x
+
+    before = np.geterr()
+    guarded(Strict()).double(1)
+    assert np.geterr() == before
 
 
 def test_a_failure_reads_the_same_in_every_process() -> None:

@@ -144,7 +144,7 @@ class Dispatcher:
         unit, enters = self._units[name], self.ends.port_of(task)
         X_WE = self.ends.pose_of(task, tasks)
         reason = self.ends.hindrance(unit, X_WE, enters)
-        if reason is None and unit.X_WU is not None:
+        if reason is None:
             reason = self._know.finder.obstruction(self._request(unit, X_WE, enters))
         return f"{name} {reason or 'finds no route'}"
 

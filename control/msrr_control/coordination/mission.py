@@ -26,7 +26,7 @@ class Patience:
         held_s: Time for which a unit says that it stands on free ground after which it gets another route.
         recalls: How often a unit gets another route for that.
         lost_s: Time without progress on free ground after which a unit counts as failed, and time for which
-            tasks that nobody else can do wait for a unit that is not localised.
+            tasks that nobody else can do wait for a unit that is not localised, or was never seen.
         dock_s: The same in the dock leg, in which a unit may try more than once.
         hopeless_s: Time without a route for anybody after which a task is given up.
         replans: Largest number of times that routes are planned anew.

@@ -75,7 +75,7 @@ class TaskEnds:
         ]
 
     def hindrance(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None) -> str | None:
-        """Return what other units keep one from a route, in words; None if none of them does.
+        """Return what keeps a unit from a route before one is looked for, in words; None if nothing does.
 
         Args:
             unit: The unit.
@@ -84,6 +84,8 @@ class TaskEnds:
         """
         if unit.state is UnitState.LOST:
             return f"is lost: {unit.reason}"
+        if unit.X_WU is None:
+            return "was never seen from above"
         if carried := self.carried_by(unit):
             return f"carries {', '.join(carried)}, and only a unit that carries no other one drives"
         if enters is None:
@@ -91,6 +93,8 @@ class TaskEnds:
         if self._units[enters[0]].out_of_action:
             how = "has failed" if self._units[enters[0]].state is UnitState.FAILED else "is lost"
             return f"cannot dock: {enters[0]} {how}"  # nobody is allowed into its port
+        if self._units[enters[0]].X_WU is None:
+            return f"cannot dock: {enters[0]} was never seen from above"
         port = ".".join(enters)
         for other in self._units.values():
             if other.holder == enters and other.name != unit.name:

@@ -70,8 +70,9 @@ class Watch:
         return report is not None and report.mode is UnitMode.LOST and report.route == unit.route
 
     def may_be_found(self, unit: UnitRecord, now_ns: int) -> bool:
-        """Return whether a unit is lost, and not for so long that nothing waits for it any more."""
-        return unit.state is UnitState.LOST and seconds(now_ns - unit.still_ns) < self._patience.lost_s
+        """Return whether a unit is lost or was never seen, and not for so long that nothing waits for it."""
+        out_of_sight = unit.state is UnitState.LOST or (unit.X_WU is None and not unit.out_of_action)
+        return out_of_sight and seconds(now_ns - unit.still_ns) < self._patience.lost_s
 
     def waits(self, unit: UnitRecord) -> bool:
         """Return whether a unit rests where its authority ends, or has not been allowed to begin."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, get_type_hints
 
+import numpy as np
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from msrr_control.docking.controller import checked_twist
@@ -18,7 +19,7 @@ from msrr_control.staging.parameters import AssemblyParams, C2AssemblyParams, Ro
 from msrr_control.staging.setup import AssemblySetup
 from msrr_control.staging.state_machine import LongDistanceAssembler
 from msrr_scenes.errors import SceneError
-from msrr_scenes.guarded import Check, no_result, wrong
+from msrr_scenes.guarded import Check, no_result, plain_text, wrong
 from msrr_scenes.messages import AssemblyPath, AssemblyProgress, FailureReason, Twist
 from msrr_scenes.registry import ExtensionPoint, build
 from msrr_scenes.specs.spec import Choice
@@ -82,11 +83,15 @@ def route_params(choice: Choice) -> RouteFollowingParams | None:
     return read_params(f"assembler {choice.name!r}", kind, choice.params)
 
 
+#: Distance beyond which no point of the arena lies [m].
+_FARTHEST_M = 100.0
+
+
 def _decision(result: object, *_: object) -> Twist | GiveUp | None:
     if result is None:
         return None
     if isinstance(result, GiveUp) and isinstance(result.failure, FailureReason):
-        return GiveUp(result.failure, str(result.reason))
+        return GiveUp(result.failure, plain_text(str(result.reason)))
     if not isinstance(result, Twist):
         wrong(result, "a Twist, a GiveUp or None")
     return checked_twist(result)
@@ -106,6 +111,13 @@ def _report(kind: type[AssemblyProgress] | type[AssemblyPath]) -> Check:
             except ValidationError as error:
                 why = error.errors()[0]["msg"]
                 raise ValueError(f"{kind.__name__} with a wrong {name}: {why}") from None
+            value = getattr(result, name)
+            if isinstance(value, tuple) and value and np.abs(value).max() > _FARTHEST_M:
+                far = f"{np.abs(value).max():g} m from the origin"
+                raise ValueError(
+                    f"{kind.__name__} with a wrong {name}: a point {far}; expected points in metres, "
+                    f"no farther than {_FARTHEST_M:g} m"
+                )
         return result
 
     return check

@@ -90,6 +90,8 @@ def _pose(result: object) -> PoseEstimate | None:
     for stamp in (result.stamp_ns, result.last_seen_ns):
         if not isinstance(stamp, Integral) or abs(int(stamp)) > _LATEST_NS:
             wrong(stamp, "a time in whole nanoseconds")
+    if result.stamp_ns < 0:  # an exposure can have been before a trial by the clock of a camera
+        wrong(result.stamp_ns, "the time of the pose in a trial, which begins at 0")
     if not (result.exposures is None or isinstance(result.exposures, ExposureCounts)):
         wrong(result.exposures, "ExposureCounts, or None")
     covariance = frozen(covariance.astype(float))

@@ -254,6 +254,22 @@ def test_a_step_waits_for_the_unit_that_it_names(rig: type[Rig]) -> None:
         assert complete or "b is lost: " in status.reason
 
 
+@pytest.mark.parametrize("unseen", ["a", "b"])
+@pytest.mark.parametrize("until_s", [25.0, math.inf])
+def test_a_unit_that_was_not_seen_yet_is_waited_for(rig: type[Rig], unseen: str, until_s: float) -> None:
+    """As one that is lost, and the reason says who was not seen; it gave up after 10 s."""
+    starts = {"a": SE2(-1.0, 0.0, 0.0), "b": SE2(0.8, 0.3, 0.4)}
+    run = rig(Mission(steps=[DockStep(unit="a", to="b.rear")]), starts)
+    run.units[unseen].hidden_s = (0.0, until_s)
+    status = run.run(120.0)
+    if until_s < math.inf:
+        assert status.state is MissionState.COMPLETE
+    else:
+        assert status.state is MissionState.INCOMPLETE
+        assert f"{unseen} was never seen from above" in status.reason
+        assert 30.0 < run.now_ns * 1e-9 < 45.0
+
+
 def test_an_assembly_takes_another_shape(rig: type[Rig]) -> None:
     line, tee = build_pattern("line", 5), build_pattern("tee", 5)
     names = {place.name: f"u{k}" for k, place in enumerate(line.places)}

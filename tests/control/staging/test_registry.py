@@ -66,6 +66,8 @@ PATH = AssemblyPath(0, 1, "arc", ((0.0, 0.0), (0.1, 0.0)), "free")
         ("progress", PROGRESS, replace(PROGRESS, tip=(0.0, math.nan)), "AssemblyProgress with a wrong tip"),
         ("path", PATH, replace(PATH, points=((0.0, object()),)), "AssemblyPath with a wrong points"),
         ("path", PATH, replace(PATH, points=((0.0, math.inf),)), "AssemblyPath with a wrong points"),
+        ("path", PATH, replace(PATH, points=((0.0, 1e30),)), "a point 1e\\+30 m from the origin"),
+        ("progress", PROGRESS, replace(PROGRESS, tip=(-200.0, 0.0)), "no farther than 100 m"),
         ("path", None, "arc", "expected AssemblyPath or None"),
     ],
 )
@@ -75,6 +77,12 @@ def test_what_one_s_own_assembler_reports_is_checked(member: str, good: Any, bad
     assert check(good) == good
     with pytest.raises(ValueError, match=why):
         check(bad)
+
+
+def test_a_reason_can_be_written_and_has_a_length() -> None:
+    reason = ASSEMBLERS.methods["step"](GiveUp(FailureReason.BLOCKED, "a \ud800 fence\n" * 100)).reason
+    assert reason.startswith("a \\ud800 fence a")
+    assert len(reason.encode()) == 300
 
 
 @pytest.mark.parametrize(

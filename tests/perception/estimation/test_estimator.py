@@ -44,6 +44,7 @@ def test_a_pose_passes_and_its_numbers_become_plain_ones() -> None:
         (replace(POSE, covariance=np.eye(3) + np.eye(3, k=1)), "symmetric and not negative"),
         (replace(POSE, covariance=np.ones((3, 3)) + 2 * np.eye(3)[::-1]), "symmetric and not negative"),
         (replace(POSE, stamp_ns=0.02), "a time in whole nanoseconds"),
+        (replace(POSE, stamp_ns=-1), "a trial, which begins at 0"),
         (replace(POSE, last_seen_ns=None), "a time in whole nanoseconds"),
     ],
 )
