@@ -208,7 +208,10 @@ class CollisionMonitor:
             return MonitorDecision(twist, present, MonitorState.FREE, ahead - uncertainty)
         if ahead >= stop:
             share = _CREEP + (1.0 - _CREEP) * (ahead - stop) / (slow - stop)
-            return MonitorDecision(_scaled(twist, share), present, MonitorState.SLOW, ahead - uncertainty)
+            # A share of a command turns the unit less, which can lead nearer to a body than the whole of it.
+            shares = (share, 0.5 * (share + 1.0))
+            slower = (part for s in shares if min_clearance(part := _scaled(twist, s)) >= stop)
+            return MonitorDecision(next(slower, twist), present, MonitorState.SLOW, ahead - uncertainty)
         low, high = 0.0, _CREEP
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)

@@ -17,6 +17,8 @@ from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
+from msrr_bullet.sensors.command_link import CommandLink
+from msrr_bullet.sensors.schedule import Periodic
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
@@ -27,6 +29,7 @@ from msrr_scenes.messages import (
     GlobalPose,
     MonitorState,
     ObstacleEstimate,
+    Phase,
     Twist,
 )
 from msrr_scenes.placement.placement import Placement
@@ -118,6 +121,50 @@ def test_a_unit_driven_at_an_obstacle_stops_in_front_of_it(seed: int) -> None:
     assert nearest < spec.slow_m + 0.01  # it came close, so that the monitor stopped it
     assert states[0] is MonitorState.FREE
     assert states[-1] is not MonitorState.FREE
+
+
+@pytest.mark.parametrize(("rate_hz", "latency_ms"), [(100.0, 250.0), (33.0, 30.0), (10.0, 500.0)])
+def test_a_unit_on_a_slow_link_stops_as_far_away(rate_hz: float, latency_ms: float) -> None:
+    """Eight units that drive at one body or the other, or anywhere, keep ``stop_m`` to half a millimetre.
+
+    They came up to 5 mm nearer: what a command led to was computed too coarsely, and a share of a command
+    passed that turned the unit less and led nearer than the whole.
+    """
+    changes = {"link": {"latency_ms": latency_ms}, "control": {"rate_hz": rate_hz}}
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        scene = arena(
+            (POST, BOX)[seed % 2], limits={"setting": ("normal", "tight")[seed // 2 % 2]}, **changes
+        )
+        X_WO, (a, b) = SE2(0.2, -0.1, float(rng.uniform(-3.0, 3.0))), rng.uniform([-3.0, 1.2], [3.0, 2.2])
+        X_WA, X_WB = (
+            SE2(X_WO.x + r * math.cos(at), X_WO.y + r * math.sin(at), float(rng.uniform(-3.0, 3.0)))
+            for r, at in ((0.7, a), (0.65, a + b))
+        )
+        plant = KinematicPlant(scene, Placement({"a": X_WA, "b": X_WB}, {"thing": X_WO}))
+        monitor, model = CollisionMonitor(scene, "a", scene.docks[0]), ClearanceModel.from_scene(scene)
+        link, control, changes_ns = CommandLink(scene.link, rng), Periodic(rate_hz), 0
+        nearest, law, towards = math.inf, pursuit(0.4), X_WO
+        while (now_ns := plant.now_ns()) < 8e9:
+            X = plant.pose("a")
+            if control.due(now_ns):
+                if now_ns >= changes_ns:
+                    changes_ns = now_ns + round(1e9 * rng.uniform(0.05, 1.5))
+                    anywhere = Twist(*rng.uniform([-0.4, -1.5], [0.4, 1.5]))
+                    kind = int(rng.integers(3))
+                    law = pursuit(0.4) if kind else lambda _, twist=anywhere: twist
+                    towards = X_WB if kind == 1 else X_WO
+                command = law(X.inverse() @ towards)
+                twist = monitor.limit(command, known(now_ns, X, X_WO, X_WB), now_ns).twist
+                link.send(Action(now_ns, Phase.ASSEMBLE, 1, twist))
+            if (arrived := link.arrived(now_ns)) is not None:
+                plant.command("a", arrived.twist)
+            if plant.tick % 4 == 0:
+                clearance = model.minimum({"a": X @ OFFSET, "b": X_WB, "thing": X_WO})
+                assert clearance is not None
+                nearest = min(nearest, clearance.distance)
+            plant.step()
+        assert nearest > scene.control.guard.stop_m - 5e-4
 
 
 def test_without_the_monitor_the_unit_collides() -> None:

@@ -187,6 +187,44 @@ def test_a_simulated_unit_keeps_the_predicted_clearance(scene: Scene, seed: int,
     assert travel <= bound
 
 
+@pytest.mark.parametrize("latency_ms", [0.0, 255.0, 500.0])
+@pytest.mark.parametrize("rate_hz", [10.0, 33.0, 100.0])
+def test_the_predicted_trajectory_ends_where_a_simulated_unit_does(
+    scene: Scene, rate_hz: float, latency_ms: float
+) -> None:
+    """To 1.5 mm and 5 mrad, after a second of commands of which each is another one.
+
+    Where commands arrived in whole steps of 10 ms, and a drive took one step from command to command, it was
+    5 mm and 14 mrad.
+    """
+    changes = {
+        "link": scene.link.model_copy(update={"latency_ms": latency_ms}),
+        "control": scene.control.model_copy(update={"rate_hz": rate_hz}),
+    }
+    scene = scene.model_copy(update=changes)
+    for seed in range(6):
+        rng, start = np.random.default_rng(seed), SE2(-0.5, 0.1, 0.3)
+        plant = KinematicPlant(scene, Placement({"a": start, "b": SE2(1.8, 1.3, 0.5)}, {"post": SE2()}))
+        link, trajectory = CommandLink(scene.link, np.random.default_rng(0)), StoppingTrajectory(scene)
+        control, predicted = Periodic(rate_hz), None
+        while (now_ns := plant.now_ns()) < 4e9:
+            if control.due(now_ns):
+                command = Twist(*rng.uniform([-0.1, -1.0], [0.4, 1.0])) if predicted is None else Twist()
+                trajectory.advance(now_ns)
+                if predicted is None and now_ns > 1e9:
+                    *_, (x, y, yaw, _) = trajectory._poses(command, 0.15)
+                    predicted = plant.pose("a") @ SE2(x, y, yaw)
+                trajectory.send(command)
+                link.send(Action(now_ns, Phase.ASSEMBLE, 1, command))
+            if (arrived := link.arrived(now_ns)) is not None:
+                plant.command("a", arrived.twist)
+            plant.step()
+        assert predicted is not None
+        off = predicted.inverse() @ plant.pose("a")
+        assert math.hypot(off.x, off.y) < 1.5e-3
+        assert abs(off.yaw) < 5e-3
+
+
 def test_commands_under_way_are_driven_before_the_new_one_arrives(scene: Scene) -> None:
     """At rest, 0.1 s of latency: a stop that is sent now does not stop the commands that are on the link."""
     scene = scene.model_copy(update={"link": scene.link.model_copy(update={"latency_ms": 100.0})})
