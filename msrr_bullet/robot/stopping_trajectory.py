@@ -216,7 +216,7 @@ class StoppingTrajectory:
             The pose (x, y, yaw) in the present frame U, and the travel of the farthest point of the unit
             since the pose before.
         """
-        follow, sin, cos = self._after, math.sin, math.cos
+        follow_v, follow_w, sin, cos = self._follow_v, self._follow_w, math.sin, math.cos
         upcoming = self._upcoming(command)
         v_sent = w_sent = 0.0
         v_now, w_now = self._velocity.v, self._velocity.w
@@ -225,8 +225,12 @@ class StoppingTrajectory:
             while upcoming and upcoming[0][0] <= t + _SAME_S:
                 _, in_force = upcoming.popleft()
                 v_sent, w_sent = in_force.v, in_force.w
-            step = min(_STEP_S, upcoming[0][0] - t) if upcoming else _STEP_S
-            v_next, w_next = follow(v_now, w_now, v_sent, w_sent, step)
+            step = _STEP_S
+            if upcoming and upcoming[0][0] - t < step:
+                step = upcoming[0][0] - t
+                v_next, w_next = self._after(v_now, w_now, v_sent, w_sent, step)
+            else:
+                v_next, w_next = follow_v(v_now, v_sent), follow_w(w_now, w_sent)
             v, w = 0.5 * (v_now + v_next), 0.5 * (w_now + w_next)
             speed, rate = abs(v), abs(w)
             if speed < _STANDSTILL_MPS and rate < _STANDSTILL_RADPS and not upcoming:
