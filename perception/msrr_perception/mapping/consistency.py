@@ -6,7 +6,9 @@ sightings, all sightings of a tag (it moved) and all of a picture (it is blurred
 group that is least likely is left out and the rest adjusted again, until no group is too unlikely. Where
 less than half of the sightings of a tag or a picture explain why it contradicts the others, only these are
 left out: several wrong sightings of one tag mask each other, and the test of the tag does not tell which they
-are. Source: W. Baarda, "A testing procedure for use in geodetic networks", 1968 (data snooping), for groups.
+are. A tag that has lost half of its sightings in this way is left out as a whole: two sightings that agree
+with each other are no place for a tag if eight others say that it is elsewhere, or of another size. Source:
+W. Baarda, "A testing procedure for use in geodetic networks", 1968 (data snooping), for groups.
 """
 
 from __future__ import annotations
@@ -58,8 +60,10 @@ class Contradiction:
 
     Attributes:
         group: The group; its members are indices of all sightings.
-        rms_px: Root mean square of the coordinates of its corners that others check, against these [px].
-        score: How unlikely it is, as the quantile of a standard normal distribution.
+        rms_px: Root mean square of the coordinates of its corners that others check, against these [px]; of a
+            tag that was found sighting by sighting, of these.
+        score: How unlikely it is, as the quantile of a standard normal distribution; of such a tag, that of
+            its least likely sighting.
     """
 
     group: Group
@@ -109,6 +113,27 @@ def adjust_consistently(bundle: Bundle, seen: Sightings) -> Consistent:
             members = of_all[one.group.members]
             kept[members] = False
             contradictions.append(replace(one, group=replace(one.group, members=members)))
+        contradictions = _by_tag(seen, kept, contradictions)
+
+
+def _by_tag(
+    seen: Sightings, kept: NDArray[np.bool_], contradictions: list[Contradiction]
+) -> list[Contradiction]:
+    """Return contradictions with those of a tag as one, if they are half of its sightings, of three or more.
+
+    Its other sightings are left out of ``kept`` as well.
+    """
+    single = [c for c in contradictions if c.group.kind == "sighting"]
+    for tag in np.unique([seen.tag[c.group.members[0]] for c in single]).tolist():
+        wrong = [c for c in single if seen.tag[c.group.members[0]] == tag]
+        rest = np.flatnonzero(kept & (seen.tag == tag))
+        if len(wrong) >= len(rest) and len(wrong) + len(rest) > 2:
+            kept[rest] = False
+            members = np.sort(np.concatenate([rest, *(c.group.members for c in wrong)]))
+            rms_px = math.sqrt(np.mean([c.rms_px**2 for c in wrong]))
+            whole = Contradiction(Group("tag", members), rms_px, max(c.score for c in wrong))
+            contradictions = [*(c for c in contradictions if c not in wrong), whole]
+    return contradictions
 
 
 def _turned_over(found: Adjusted, seen: Sightings) -> Bundle | None:

@@ -47,13 +47,16 @@ def photographed(
     lens: Lens = LENS,
     views: int = VIEWS,
     away: float = 1.6,
+    about: float = 1.0,
 ) -> list[TaggedPicture]:
-    """Pictures of the tags from ``away`` [m], with the corners of those that are in the frame."""
+    """Pictures of the tags from ``away`` [m], with the corners of those that are in the frame.
+
+    They are taken up to ``about`` 0.8 m beside the middle, and turned.
+    """
     pictures = []
     for view in range(views):
-        X_WC = SE3(
-            rotation(rng.normal(0.0, 0.15, 3)), [rng.uniform(-0.8, 0.8), rng.uniform(-0.5, 0.5), -away]
-        )
+        aside = about * rng.uniform([-0.8, -0.5], [0.8, 0.5])
+        X_WC = SE3(rotation(about * rng.normal(0.0, 0.15, 3)), [*aside, -away])
         found = []
         for tag, X_WT in tags.items():
             ideal = lens.camera.project((X_WC.inverse() @ X_WT).act(tag_corners(TAG_SIZE)))
@@ -154,6 +157,26 @@ def test_a_tag_that_was_moved_is_where_most_pictures_show_it() -> None:
     }
     assert found.tags[2].pictures == 7
     assert max(squared_errors(found, tags)) < 40.0  # of six degrees of freedom: 5 in 10^7 are above
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_tag_of_another_size_is_left_out_as_a_whole(seed: int) -> None:
+    """From near and from far it seems to be at another place each time: no two of ten sightings make one."""
+    rng = np.random.default_rng(seed)
+    tags, pictures = wall(rng), []
+    for k, away in enumerate(np.linspace(4.0, 2.0, 10)):
+        (picture,) = photographed(tags, rng, sigma=0.05, views=1, away=away, about=0.05)
+        smaller = (
+            replace(t, corners=t.corners - 0.2 * (t.corners - t.corners.mean(axis=0)) * (t.tag_id == 2))
+            for t in picture.tags
+        )
+        pictures.append(TaggedPicture(f"view_{k}", tuple(smaller)))
+    found = map_tags(pictures, LENS, TAG_SIZE)
+    (one,) = found.left_out
+    assert (one.kind, one.tags) == ("tag", (2,))
+    assert len(one.pictures) == sum(any(t.tag_id == 2 for t in p.tags) for p in pictures)
+    assert 2 not in found.tags
+    assert found.sigma_px == pytest.approx(0.05, rel=0.2)
 
 
 def sightings(pictures: list[TaggedPicture]) -> Sightings:
