@@ -119,19 +119,21 @@ def adjust_consistently(bundle: Bundle, seen: Sightings) -> Consistent:
 def _by_tag(
     seen: Sightings, kept: NDArray[np.bool_], contradictions: list[Contradiction]
 ) -> list[Contradiction]:
-    """Return contradictions with those of a tag as one, if they are half of its sightings, of three or more.
+    """Return contradictions with those of a tag as one, if it is half of its sightings, of three or more.
 
     Its other sightings are left out of ``kept`` as well.
     """
-    single = [c for c in contradictions if c.group.kind == "sighting"]
-    for tag in np.unique([seen.tag[c.group.members[0]] for c in single]).tolist():
-        wrong = [c for c in single if seen.tag[c.group.members[0]] == tag]
+    of_tag = {
+        tag: [c for c in contradictions if c.group.kind != "picture" and seen.tag[c.group.members[0]] == tag]
+        for tag in np.unique(seen.tag).tolist()
+    }
+    for tag, wrong in of_tag.items():
         rest = np.flatnonzero(kept & (seen.tag == tag))
-        if len(wrong) >= len(rest) and len(wrong) + len(rest) > 2:
+        members = np.concatenate([rest, *(c.group.members for c in wrong)])
+        if len(wrong) > 1 and len(members) > 2 and 2 * len(rest) <= len(members):
             kept[rest] = False
-            members = np.sort(np.concatenate([rest, *(c.group.members for c in wrong)]))
             rms_px = math.sqrt(np.mean([c.rms_px**2 for c in wrong]))
-            whole = Contradiction(Group("tag", members), rms_px, max(c.score for c in wrong))
+            whole = Contradiction(Group("tag", np.sort(members)), rms_px, max(c.score for c in wrong))
             contradictions = [*(c for c in contradictions if c not in wrong), whole]
     return contradictions
 

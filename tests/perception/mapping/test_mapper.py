@@ -55,8 +55,8 @@ def photographed(
     """
     pictures = []
     for view in range(views):
-        aside = about * rng.uniform([-0.8, -0.5], [0.8, 0.5])
-        X_WC = SE3(rotation(about * rng.normal(0.0, 0.15, 3)), [*aside, -away])
+        turned = rotation(about * rng.normal(0.0, 0.15, 3))
+        X_WC = SE3(turned, [*(about * rng.uniform([-0.8, -0.5], [0.8, 0.5])), -away])
         found = []
         for tag, X_WT in tags.items():
             ideal = lens.camera.project((X_WC.inverse() @ X_WT).act(tag_corners(TAG_SIZE)))
@@ -159,7 +159,7 @@ def test_a_tag_that_was_moved_is_where_most_pictures_show_it() -> None:
     assert max(squared_errors(found, tags)) < 40.0  # of six degrees of freedom: 5 in 10^7 are above
 
 
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", [0, 5])
 def test_a_tag_of_another_size_is_left_out_as_a_whole(seed: int) -> None:
     """From near and from far it seems to be at another place each time: no two of ten sightings make one."""
     rng = np.random.default_rng(seed)
