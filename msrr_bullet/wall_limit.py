@@ -32,6 +32,20 @@ class _Reached(BaseException):
     """The limit is reached; no handler of ``Exception``, such as one in a user's class, stops it."""
 
 
+def check_wall_limit(limit_s: float | None) -> None:
+    """Refuse a limit that no clock can wait for; None sets no limit.
+
+    Raises:
+        ValueError: The limit is no number of seconds, or none that a clock can wait for.
+    """
+    if limit_s is None or (isinstance(limit_s, int | float) and 0.0 < limit_s <= MAX_WALL_LIMIT_S):
+        return
+    raise ValueError(
+        f"expected a limit above 0 s and up to {MAX_WALL_LIMIT_S:g} s on the wall clock, or None for no "
+        f"limit, found {limit_s!r}"
+    )
+
+
 def within_wall_limit(limit_s: float | None, body: Callable[[Callable[[], None]], Result]) -> Result:
     """Return what a function returns, or stop it once it has taken ``limit_s`` seconds; None sets no limit.
 
@@ -44,13 +58,9 @@ def within_wall_limit(limit_s: float | None, body: Callable[[Callable[[], None]]
         WallLimitError: The limit was reached.
         ValueError: The limit is no time that a clock can wait for.
     """
+    check_wall_limit(limit_s)
     if limit_s is None:
         return body(lambda: None)
-    if not 0.0 < limit_s <= MAX_WALL_LIMIT_S:
-        raise ValueError(
-            f"expected a limit above 0 s and up to {MAX_WALL_LIMIT_S:g} s on the wall clock, or None for no "
-            f"limit, found {limit_s}"
-        )
     begun = time.monotonic()
     interrupted, inside = False, ""
 

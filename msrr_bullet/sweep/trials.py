@@ -21,6 +21,7 @@ from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_store import TrialStore
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, Task, TrialFunction, WorkerPool
 from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.wall_limit import check_wall_limit
 from msrr_scenes.errors import ChangedFileError, ProgramFailedError
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.outcome import Outcome
@@ -177,9 +178,11 @@ def run_trials(
         MsrrError: A scene cannot be run with any seed, or the store cannot be used.
         ChangedFileError: A file of a scene was written while the trials ran. Results from before are kept.
         TypeError: A seed or ``jobs`` is no whole number, or a scene is none.
-        ValueError: A seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``jobs`` not positive.
+        ValueError: A seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``jobs`` or
+            ``wall_limit_s`` not positive.
     """
     slots = _slots(jobs)
+    check_wall_limit(wall_limit_s)
     with ExitStack() as stack:
         trial_store = stack.enter_context(TrialStore(Path(store))) if store is not None else None
         wanted = _WantedTrials(trial_store, observer)
@@ -190,10 +193,9 @@ def run_trials(
             trial = partial(trial, wall_limit_s=wall_limit_s)
         if executor is not None:
             trial = partial(remote_trial, trial, wanted.codes)
-        pool = WorkerPool(slots, executor, trial, wanted.collect)
+        pool, interrupted = WorkerPool(slots, executor, trial, wanted.collect, wall_limit_s), False
         try:
             pool.run(wanted.missing)
-            interrupted = False
         except KeyboardInterrupt:
             interrupted = True
             pool.finish()
@@ -201,5 +203,5 @@ def run_trials(
             pool.kill()
             raise
         finally:
-            pool.close()
+            interrupted = pool.close() or interrupted
     return FinishedTrials(wanted.outcomes, reused, interrupted)

@@ -37,6 +37,10 @@ class Task(NamedTuple):
     seed: int
 
 
+#: Time that processes have to end after their last trial, and that a trial has to end after its limit on the
+#: wall clock, at which it was to be stopped [s].
+_ENDS_S, _OVERDUE_S = 5.0, 15.0
+
 #: What is said where an executor that was given gives a trial up.
 _DROPPED = "the executor has dropped a trial; what is done so far is kept in the store"
 
@@ -108,12 +112,37 @@ class SpawnedPool(ProcessPoolExecutor):
     def kill(self) -> None:
         """End the processes at once, whatever they do."""
         for child in set(multiprocessing.active_children()) - self._other_children:
-            child.terminate()
+            child.kill()
+
+    def end(self) -> bool:
+        """End the processes, and wait until they have ended; return whether Ctrl-C came meanwhile.
+
+        A process waits at its end for the threads that a class of a user's own has started. One that has not
+        ended in time, or by then, is killed.
+        """
+        interrupted = False
+        late = threading.Timer(_ENDS_S, self.kill)
+        late.daemon = True
+        late.start()
+        try:
+            while True:
+                try:
+                    self.shutdown(cancel_futures=True)
+                    return interrupted
+                except KeyboardInterrupt:
+                    interrupted = True
+                    self.kill()
+        except BaseException:
+            self.kill()
+            raise
+        finally:
+            late.cancel()
 
     def __exit__(self, kind: type[BaseException] | None, *error: Any) -> None:
         if kind is not None:
             self.kill()
-        self.shutdown()
+        if self.end() and kind is None:
+            raise KeyboardInterrupt
 
 
 class WorkerPool:
@@ -125,13 +154,16 @@ class WorkerPool:
         executor: SupportsSubmit | None,
         trial: TrialFunction,
         collector: Collector,
+        wall_limit_s: float | None = None,
     ) -> None:
+        self._wall_limit_s = wall_limit_s
         self._slots = slots
         self._given = executor
         self._pool: SpawnedPool | None = None
         self._trial = trial
         self._collector = collector
         self._running: dict[Future[Any], Task] = {}
+        self._overdue = ""  # why the processes were killed, if they were
 
     def run(self, tasks: deque[Task]) -> None:
         """Run every task; a task is removed from ``tasks`` when its trial starts."""
@@ -145,9 +177,10 @@ class WorkerPool:
                 # The pool does not say whose trial killed a worker; run alone, each trial shows it.
                 self._submit(task, 1)
                 if self._collect():
-                    self._collector(task, _failure(task, "the process of this trial died"))
+                    why, stopped = self._overdue or "the process of this trial died", bool(self._overdue)
+                    self._collector(task, _failure(task, why, stopped))
             if suspects:
-                self.close()  # the next trial starts a full pool again
+                self._restart()  # the next trial starts a full pool again
 
     def finish(self) -> None:
         """Wait for the running trials and start no more; another Ctrl-C drops them."""
@@ -176,11 +209,15 @@ class WorkerPool:
         if self._pool is not None:
             self._pool.kill()
 
-    def close(self) -> None:
-        """End the processes of the pool."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=True, cancel_futures=True)
-            self._pool = None
+    def close(self) -> bool:
+        """End the processes of the pool; return whether Ctrl-C came meanwhile."""
+        pool, self._pool = self._pool, None
+        return pool is not None and pool.end()
+
+    def _restart(self) -> None:
+        """End the processes, so that the next trial starts others."""
+        if self.close():
+            raise KeyboardInterrupt
 
     def _submit(self, task: Task, workers: int) -> None:
         executor: SupportsSubmit = self._given if self._given is not None else self._open(workers)
@@ -207,7 +244,18 @@ class WorkerPool:
 
     def _collect(self) -> list[Task]:
         """Wait until a trial ends and collect all that have; return the tasks that a dead worker left."""
-        finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
+        self._overdue = ""
+        most_s = None if self._wall_limit_s is None or self._pool is None else self._wall_limit_s + _OVERDUE_S
+        finished, _ = wait(self._running, most_s, return_when=FIRST_COMPLETED)
+        if not finished and self._pool is not None:
+            # Each trial began when another one ended, or before. A class that goes on after any exception
+            # keeps it from being stopped, but its process not from being killed.
+            self._overdue = (
+                f"the trial was not stopped by the limit of {self._wall_limit_s:g} s on the wall clock, and "
+                f"its process was killed {_OVERDUE_S:g} s later; let no class go on after a BaseException"
+            )
+            self._pool.kill()
+            finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
         lost: list[Task] = []
         misuse: MsrrError | None = None
         for future in finished:
@@ -233,7 +281,7 @@ class WorkerPool:
         if lost:
             lost += self._running.values()
             self._running.clear()
-            self.close()
+            self._restart()
         return lost
 
 

@@ -48,6 +48,81 @@ def test_a_worker_that_dies_takes_no_other_trial_with_it(
 
 
 @pytest.mark.nightly
+def test_a_trial_that_no_exception_stops_is_killed_with_its_process(
+    short_trial: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "stubborn_trial.py").write_text(
+        "import time\n"
+        "from msrr_bullet.sweep.trials import one_trial\n"
+        "def trial(scene, seed, wall_limit_s):\n"
+        "    while seed == 1:\n"
+        "        try:\n"
+        "            time.sleep(1.0)\n"
+        "        except BaseException:\n"
+        "            pass\n"
+        "    return one_trial(scene, seed, wall_limit_s=wall_limit_s)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("msrr_bullet.sweep.worker_pool._OVERDUE_S", 0.5)
+    from stubborn_trial import trial
+
+    scene = load_scene("close_range", short_trial)
+    summary = sweep(scene, range(3), jobs=2, trial=trial, wall_limit_s=4.0)
+    (failure,) = summary.failures
+    assert (failure.seed, failure.stopped) == (1, True)
+    assert "not stopped by the limit of 4 s" in failure.error
+    assert sum(summary.outcomes.values()) == 2
+
+
+@pytest.mark.parametrize("limit_s", [-1.0, float("nan"), "3"])
+def test_a_limit_that_is_none_is_refused_before_any_trial(
+    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, limit_s: float
+) -> None:
+    with pytest.raises(ValueError, match="expected a limit above 0 s"):
+        sweep(scene, range(3), executor=inline, trial=made_up, wall_limit_s=limit_s)
+
+
+@pytest.mark.parametrize("interrupts", [pytest.param(0, marks=pytest.mark.nightly), 1])
+def test_processes_that_do_not_end_cost_no_result(tmp_path: Path, interrupts: int) -> None:
+    """A class of one's own can start a thread for which a process waits at its end; Ctrl-C may come then."""
+    (tmp_path / "threaded_trial.py").write_text(
+        "import threading, time\n"
+        "from msrr_bullet.sweep.trials import one_trial\n"
+        "def trial(scene, seed):\n"
+        "    threading.Thread(target=time.sleep, args=[600.0]).start()\n"
+        "    return one_trial(scene, seed)\n"
+    )
+    program = tmp_path / "program.py"
+    program.write_text(
+        "from msrr_bullet.sweep.trials import run_trials\n"
+        "from msrr_scenes import load_scene\n"
+        "from threaded_trial import trial\n"
+        "if __name__ == '__main__':\n"
+        "    given = {'plant': 'unicycle', 'perception': 'parametric', 'time_limit_s': '1'}\n"
+        "    show = lambda outcome, stored: print('done', flush=True)\n"
+        "    found = run_trials([(load_scene('close_range', given), range(2))], trial=trial, observer=show)\n"
+        "    print(len(found.outcomes), found.interrupted)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, str(program)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    try:
+        assert process.stdout is not None
+        assert [process.stdout.readline() for _ in range(2)] == ["done\n"] * 2
+        time.sleep(0.3)
+        for _ in range(interrupts):
+            process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=30.0)
+    finally:
+        process.kill()
+    assert (process.returncode, out) == (0, f"2 {bool(interrupts)}\n")
+
+
+@pytest.mark.nightly
 def test_a_worker_that_dies_while_a_result_is_stored_ends_no_sweep(
     short_trial: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
