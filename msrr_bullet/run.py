@@ -35,6 +35,7 @@ from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure, Pixels
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.whole_files import write_whole
 
 if TYPE_CHECKING:  # loaded by trials that are logged, for it takes ten megabytes
     from msrr_bullet.log.mcap_recorder import Listener, McapRecorder
@@ -159,7 +160,7 @@ class _RunRecorder:
 def _write_derived_files(out: Path, result: TrialResult) -> None:
     """Write what follows from the log; the result comes first, in case a later file cannot be written."""
     try:
-        (out / RESULT_NAME).write_text(result.to_json(), encoding="utf-8")
+        write_whole(out / RESULT_NAME, result.to_json())
         _draw_run(out, result)
     except OSError as error:
         raise RunFolderError(f"{error.filename or out}: cannot be written ({error.strerror})") from None

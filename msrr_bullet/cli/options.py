@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -17,6 +16,7 @@ import typer
 from msrr_bullet.seeds import MAX_SEED
 from msrr_bullet.wall_limit import MAX_WALL_LIMIT_S
 from msrr_scenes.errors import SceneError
+from msrr_scenes.whole_files import write_whole
 from msrr_scenes.wording import counted
 
 SceneName = Annotated[
@@ -237,18 +237,6 @@ def write_text(file: Path, text: str) -> None:
         if file.exists() and not file.is_file():  # a device or a pipe
             file.write_text(text, encoding="utf-8")
         else:
-            _replace(file.resolve(), text)
+            write_whole(file.resolve(), text)
     except OSError as error:
         raise SceneError(f"{file}: cannot be written ({error.strerror})") from None
-
-
-def _replace(file: Path, text: str) -> None:
-    part = file.with_name(f".msrr-{os.getpid()}.part")  # in the same folder, to be moved within one disk
-    try:
-        part.write_text(text, encoding="utf-8")
-        if file.exists():
-            file.open("r+").close()  # one that may not be written may not be replaced
-            shutil.copymode(file, part)
-        part.replace(file)
-    finally:
-        part.unlink(missing_ok=True)

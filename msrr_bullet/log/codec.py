@@ -94,6 +94,8 @@ def _nested(convert: Callable[[float], Json], values: Json) -> Json:
 
 def _array_in(values: Json) -> Array:
     array: Array = np.array(values)
+    if not array.ndim:
+        raise TypeError(f"expected a list of numbers, found {values!r}")
     # NaN and the infinities are strings in the log.
     return frozen(array if array.dtype == np.float64 else np.array(_nested(float, values), dtype=np.float64))
 

@@ -67,7 +67,7 @@ class LogRecord:
         try:
             value = loads(self.data)
             return self.format.decode(value) if self.frame is None else window_in(value, self.frame)
-        except (KeyError, TypeError, ValueError, JSONDecodeError) as error:
+        except (AttributeError, LookupError, TypeError, ValueError, JSONDecodeError) as error:
             raise LogError(
                 f"message {self.sequence} on {self.topic} is not a {self.kind.__name__}: {error!r}"
             ) from error

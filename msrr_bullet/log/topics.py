@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from msrr_bullet.log.codec import LogError
 from msrr_scenes.messages import (
     Detections,
     GlobalPose,
@@ -38,8 +39,15 @@ def sensor(unit: str, message: SensorMessage) -> str:
 
 
 def unit_of(topic: str) -> str:
-    """Return the unit in a topic of the form ``/<group>/<unit>/<message>``."""
-    return topic.split("/")[2]
+    """Return the unit in a topic of the form ``/<group>/<unit>/<message>``.
+
+    Raises:
+        LogError: The topic has another form.
+    """
+    parts = topic.split("/")
+    if len(parts) < 4:
+        raise LogError(f"{topic}: no topic of a unit, /<group>/<unit>/<message>")
+    return parts[2]
 
 
 #: Topics of the exposures of a camera, and of the windows read from them, as functions of its name.

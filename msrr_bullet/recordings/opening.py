@@ -49,6 +49,11 @@ def open_recording(
         if not path.stat().st_size:
             raise RecordingError(f"{path}: the file is empty")
         if begun_by_msrr(path):
+            if odometry not in (None, NONE):
+                raise RecordingError(
+                    f"{path}: --odometry {odometry}: the log of a trial has the encoders of its own robot; "
+                    f"leave it out, or give {NONE}"
+                )
             return open_trial(path, topic, odometry=odometry != NONE)
         return open_mcap(path, topic, odometry, wheels)
     if topic is not None or odometry not in (None, NONE):

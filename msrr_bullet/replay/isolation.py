@@ -43,7 +43,9 @@ def replay_isolated(run: Path, *, trust: bool = False) -> ReplayReport:
     if finished.returncode == REFUSED:
         raise ReplayError(said)  # an error of ours, which names the log
     if finished.returncode not in (0, 1) or not finished.stdout:
-        raise ReplayError(f"{run}: the replay failed: {said or f'exit code {finished.returncode}'}")
+        # Of a traceback the last line says what went wrong.
+        why = said.splitlines()[-1] if said else f"exit code {finished.returncode}"
+        raise ReplayError(f"{run}: the log cannot be replayed: {why}")
     return ReplayReport.model_validate_json(finished.stdout)
 
 

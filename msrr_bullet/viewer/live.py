@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import select
 import subprocess
@@ -10,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
@@ -31,6 +33,8 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, AssemblyPath, seconds
 from msrr_scenes.specs.scene import Scene
 
+_log = logging.getLogger(__name__)
+
 DEFAULT_PORT = 7000
 #: Largest rate at which snapshots are shown, in wall-clock time [Hz].
 MAX_RATE = 30.0
@@ -43,6 +47,10 @@ BAND_POINTS = 100
 
 class ViewerError(MsrrError):
     """The live view could not start or was interrupted."""
+
+
+class _LostError(ViewerError):
+    """The server has ended, or no longer reads."""
 
 
 class LiveViewer:
@@ -81,7 +89,7 @@ class LiveViewer:
         self._next_update = 0.0
         self._origin: tuple[float, int] | None = None
         self._cameras = None if drawer is None or scene.perception != "images" else LiveCameras(drawer)
-        self._opened, self._browsers = threading.Event(), 0
+        self._opened, self._browsers, self._lost = threading.Event(), 0, False
         self._process = subprocess.Popen(
             [sys.executable, "-P", str(Path(server.__file__)), "--port", str(port)],
             stdin=subprocess.PIPE,
@@ -132,8 +140,7 @@ class LiveViewer:
     def update(self, snapshot: Snapshot) -> None:
         """Show a snapshot. Those beyond :data:`MAX_RATE` only extend the drawn paths.
 
-        Raises:
-            ViewerError: The server has ended or no longer reads.
+        If the server has ended or no longer reads, that is said once, and the trial goes on unseen.
         """
         if self._cameras is not None:
             self._cameras.add(snapshot)
@@ -146,7 +153,8 @@ class LiveViewer:
         now = time.monotonic()
         if now >= self._next_update:
             self._next_update = now + 1.0 / MAX_RATE
-            self._show(snapshot)
+            with self._unless_lost():
+                self._show(snapshot)
 
     def show(self, snapshot: Snapshot) -> None:
         """Show a snapshot regardless of :data:`MAX_RATE`, such as the last one of a trial."""
@@ -158,15 +166,22 @@ class LiveViewer:
         return self._cameras is not None and self._browsers > 0 and self._cameras.wants(camera)
 
     def show_view(self, view: CameraView) -> None:
-        """Show what was read of a frame.
-
-        Raises:
-            ViewerError: The server has ended or no longer reads.
-        """
+        """Show what was read of a frame."""
         if self._cameras is not None:
             still = camera_data(view.exposure.camera, [self._cameras.draw(view)])
             key = f"still {view.exposure.camera}"
-            self._send(server.READING, key.encode(), json.dumps({"still": still}).encode())
+            with self._unless_lost():
+                self._send(server.READING, key.encode(), json.dumps({"still": still}).encode())
+
+    @contextmanager
+    def _unless_lost(self) -> Iterator[None]:
+        """Say once that the view is lost, so that the trial goes on."""
+        try:
+            yield
+        except _LostError as error:
+            if not self._lost:
+                _log.warning("%s; the trial goes on without the view", error)
+            self._lost = True
 
     def _keep_pace(self, stamp_ns: int) -> None:
         if self._pace is None:
@@ -212,18 +227,20 @@ class LiveViewer:
         stdin = self._process.stdin
         if stdin is None or stdin.closed:
             raise ViewerError("the viewer is closed")
+        if self._lost:  # part of a message may be in the pipe
+            return
         rest = memoryview(server.HEADER.pack(kind, len(key), len(data)) + key + data)
         while rest:
             # A server that hangs must not stop the trial: the pipe does not block, and the wait is limited.
             _, writable, _ = select.select([], [stdin], [], WRITE_TIMEOUT)
             if not writable:
-                raise ViewerError(f"the viewer's server has not read for {WRITE_TIMEOUT:g} s")
+                raise _LostError(f"the viewer's server has not read for {WRITE_TIMEOUT:g} s")
             try:
                 rest = rest[os.write(stdin.fileno(), rest) :]
             except BlockingIOError:
                 continue
             except BrokenPipeError:
-                raise ViewerError(
+                raise _LostError(
                     f"the viewer's server has ended (exit code {self._process.poll()})"
                 ) from None
 

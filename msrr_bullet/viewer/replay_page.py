@@ -20,6 +20,7 @@ from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, Phase, seconds
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.whole_files import write_whole
 
 #: Rate at which the page stores snapshots of the trial, between which it interpolates [Hz].
 SNAPSHOT_RATE = 25.0
@@ -50,7 +51,7 @@ def write_replay(
     graph = SceneGraph(scene)
     drawn, tracks = graph.mission.replay(kept) if scene.coordinated else _paths(kept)
     commands = [*graph.build(), *drawn, *look_at(kept), _animation(graph, kept, tracks)]
-    path.write_text(render_page(scene, commands, kept, stills, events), encoding="utf-8")
+    write_whole(path, render_page(scene, commands, kept, stills, events))
     return path
 
 

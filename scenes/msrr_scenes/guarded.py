@@ -7,11 +7,10 @@ import re
 import sys
 import traceback
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
-
-import numpy as np
 
 from msrr_scenes.errors import ProgramFailedError
 
@@ -32,6 +31,13 @@ def no_result(_: object, *__: object) -> None:
 def of_the_same_kind(result: object, *_: object) -> object:
     """Check of a method that returns another object of the same protocol, which is guarded as well."""
     return result
+
+
+def numpy_errors() -> AbstractContextManager[object]:
+    """Return a block at whose end NumPy's errors are treated as before, whatever a class has made of them."""
+    import numpy as np  # not with the module, which the help of a command loads as well
+
+    return np.errstate()
 
 
 class Guarded:
@@ -71,7 +77,7 @@ class Guarded:
 
     def _watched(self, member: str, function: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
         try:
-            with np.errstate():  # what a class makes of NumPy's warnings ends with its call
+            with numpy_errors():
                 return function(*args, **kwargs)
         except (Exception, SystemExit) as error:
             raise failure(self._kind, self._name, type(self._inner), member, error) from error

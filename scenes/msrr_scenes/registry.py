@@ -8,11 +8,10 @@ from copy import deepcopy
 from operator import attrgetter
 from typing import Any, TypeVar, cast
 
-import numpy as np
 from pydantic import BaseModel
 
 from msrr_scenes.errors import ChangedFileError, MsrrError, SceneError, UnknownNameError
-from msrr_scenes.guarded import Check, Guarded, failure, file_of, in_one_line, raised_at
+from msrr_scenes.guarded import Check, Guarded, failure, file_of, in_one_line, numpy_errors, raised_at
 from msrr_scenes.own_modules import import_own
 from msrr_scenes.specs.spec import Choice
 
@@ -102,7 +101,7 @@ def _import(kind: str, name: str, table: ExtensionPoint[T]) -> object:
     if not all(part.isidentifier() for part in module_name.split(".")):
         raise UnknownNameError(kind, name, table, _HINT)
     try:
-        with np.errstate():
+        with numpy_errors():
             module = import_own(module_name)
     except ChangedFileError as error:
         raise ChangedFileError(f"{kind} {name!r}: {error}") from None
@@ -143,7 +142,7 @@ def build(kind: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fix
             given += [f"{key}={value!r}" for key, value in {**fixed, **choice.params}.items()]
             raise SceneError(f"{kind} {choice.name!r} does not take ({', '.join(given)}): {error}") from error
     try:
-        with np.errstate():
+        with numpy_errors():
             built = factory(*args, **fixed, **deepcopy(choice.params))  # a class may change what it is given
     except MsrrError:
         raise

@@ -11,8 +11,9 @@ from pathlib import Path
 
 from msrr_scenes.errors import MsrrError
 
-#: Numbers of the errors of a full disk and of a used-up quota; neither names the file that was written.
-_FULL = (errno.ENOSPC, errno.EDQUOT)
+#: Numbers of the errors of a full disk, a used-up quota and a limit on the size of files; none of these names
+#: the file that was written.
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class NoRoomError(MsrrError):

@@ -10,7 +10,6 @@ from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.loading.camera_lenses import explained_fold
 from msrr_scenes.loading.problems import KeyPath, Problem
-from msrr_scenes.registry import is_import_path
 from msrr_scenes.specs.deviations import Deviation
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
@@ -18,6 +17,9 @@ from msrr_scenes.specs.sensors import CameraSpec
 #: The shipped renderer that draws the instants of an exposure and the distortion of a lens. Whether one of a
 #: user's own does is known when it is built (:class:`msrr_bullet.sensors.camera.Camera`).
 _RENDERER = "raster"
+
+#: The shipped renderer that draws neither.
+_IDEAL_RENDERER = "tiny"
 
 #: Least and greatest horizontal field of view, and greatest ratio of the focal lengths, of a calibration.
 _FOV_DEG, _MOST_ASPECT = (5.0, 150.0), 2.0
@@ -114,8 +116,8 @@ def _lens_deviations(scene: Scene, name: str) -> dict[str, Deviation]:
 
 
 def _draws_one_instant(spec: CameraSpec) -> bool:
-    """Return whether the renderer of a camera is a shipped one without exposure times and distortion."""
-    return spec.renderer.name != _RENDERER and not is_import_path(spec.renderer)
+    """Return whether the renderer of a camera is the shipped one without exposure times and distortion."""
+    return spec.renderer.name == _IDEAL_RENDERER
 
 
 def _shutter_problems(path: KeyPath, spec: CameraSpec) -> Iterator[Problem]:

@@ -290,7 +290,9 @@ def refuse(document: YamlDocument, problems: list[Problem]) -> None:
         return
     unique = list(dict.fromkeys(problems))
     unique.sort(key=lambda p: p.rank)  # stable: causes before what follows from them
-    lines = [f"{document.origin(p.path)}: {dotted(p.path) or 'scene'}: {p.text}" for p in unique[:MAX_LISTED]]
+    lines = [
+        f"{document.origin(p.path)}: {dotted(p.path) or 'the file'}: {p.text}" for p in unique[:MAX_LISTED]
+    ]
     if len(unique) > MAX_LISTED:
         lines.append(f"... and {len(unique) - MAX_LISTED} more")
     raise SceneError("\n".join(lines))

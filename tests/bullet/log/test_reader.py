@@ -10,10 +10,14 @@ import pytest
 from mcap.reader import make_reader
 
 from msrr_bullet.log import LogError, LogHeader, MemoryRecorder, read_log, topics
+from msrr_bullet.log.codec import log_name
+from msrr_bullet.log.formats import format_named
 from msrr_bullet.log.frame_tree import scene_frames
 from msrr_bullet.log.mcap_recorder import McapRecorder
+from msrr_bullet.log.reader import LogRecord
+from msrr_bullet.log.records import StartPoses
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Exposure, PoseMeasurement, WheelOdometry
+from msrr_scenes.messages import Exposure, GlobalPose, PoseMeasurement, WheelOdometry
 
 Record = Callable[..., None]
 
@@ -121,3 +125,17 @@ def test_parametric_measurements_keep_their_missing_edges(tmp_path: Path, header
     (record,) = read_log(tmp_path / "t.mcap").records("/sensors/*")
     assert (record.topic, record.stamp_ns) == ("/sensors/a/pose", 47)
     assert record.message.edge_bearings == (None, -0.3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        (StartPoses, b'{"poses": true}'),
+        (GlobalPose, b'{"name": "a", "stamp_ns": 0, "X_WB": {"x": 0, "y": 0, "yaw": 0}, "covariance": 1.0}'),
+        (GlobalPose, b'{"name": "a", "stamp_ns": 0, "X_WB": [], "covariance": [[1.0]]}'),
+    ],
+)
+def test_a_message_whose_values_have_other_types_is_named(kind: type, text: bytes) -> None:
+    record = LogRecord("/truth/start", 0, 3, text, format_named(log_name(kind)))
+    with pytest.raises(LogError, match=f"message 3 on /truth/start is not a {kind.__name__}: "):
+        _ = record.message

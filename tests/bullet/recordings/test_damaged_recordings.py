@@ -264,6 +264,8 @@ def test_topics_that_are_not_there_are_refused_with_those_that_are(trial: Trial,
         perceive(path, trial.target, Options(topic="/head"))
     with pytest.raises(RecordingError, match=r"--topic is one of /camera/a/onboard/exposure"):
         perceive(trial.folder, trial.target, Options(topic="/head"))
+    with pytest.raises(RecordingError, match=r"--odometry nnoe: the log of a trial has the encoders"):
+        perceive(trial.folder, trial.target, Options(odometry="nnoe"))
     empty = write_foxglove(tmp_path / "empty.mcap", [], trial.wheels()[:2], protobuf=False)
     with pytest.raises(RecordingError, match=r"empty\.mcap: no message on /camera"):
         perceive(empty, trial.target)

@@ -29,6 +29,11 @@ def test_a_camera_that_cannot_be_is_refused(
     load_scene("two_units", prefixed | {"perception": "parametric"})
 
 
+def test_nothing_is_said_of_a_renderer_that_there_is_not() -> None:
+    """Whoever builds it tells the names that there are; the check is of shipped ones."""
+    load_scene("close_range", {"cameras.onboard.renderer": "rastr", "as_built": "careful"})
+
+
 def test_times_that_just_fit_are_accepted() -> None:
     spec = {"exposure_ms": "40", "rolling_shutter_ms": "40", "latency_ms": "40"}
     load_scene("two_units", {f"cameras.onboard.{key}": value for key, value in spec.items()})
