@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 import time
 from collections.abc import Callable
 from functools import cache, partial
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import Any
 
 import foxglove
@@ -36,6 +37,7 @@ class FoxgloveServer:
 
     A client that subscribes late gets the last message of the topic, as from a publisher of ROS 2 whose
     durability is transient local; of the transforms the last one of every frame, and all lines of the log.
+    In a ``with`` block, Ctrl-C and SIGTERM end its waiting: what is left is sent at once.
     """
 
     def __init__(self) -> None:
@@ -50,7 +52,8 @@ class FoxgloveServer:
         self._now_ns = 0
         self._clock_due_ns = 0
         self._lock = threading.Lock()  # clients subscribe in threads of the server
-        self._subscribed = threading.Event()
+        self._subscribed, self._hurries = threading.Event(), threading.Event()
+        self._handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}  # those before, by signal
         self._begun: float | None = None
         self._context = foxglove.Context()
         start = partial(
@@ -80,7 +83,7 @@ class FoxgloveServer:
             if self._begun is None:
                 self._subscribed.wait(_WAIT_S)
                 self._begun = time.monotonic()
-            time.sleep(max(self._begun + 1e-9 * stamp_ns - time.monotonic(), 0.0))
+            self._hurries.wait(max(self._begun + 1e-9 * stamp_ns - time.monotonic(), 0.0))
         with self._lock:
             if topic not in self._channels:
                 schema = foxglove.Schema(name=kind.name, encoding=kind.schema_encoding, data=kind.schema)
@@ -122,12 +125,27 @@ class FoxgloveServer:
         self._server.stop()
 
     def __enter__(self) -> FoxgloveServer:
+        if threading.current_thread() is threading.main_thread():  # which alone gets signals
+            for number in (signal.SIGINT, signal.SIGTERM):
+                before = signal.getsignal(number)
+                if callable(before):
+                    self._handlers[number] = before
+                    signal.signal(number, self._hurry)
         return self
+
+    def _hurry(self, number: int, frame: FrameType | None) -> None:
+        """Let nothing wait any more, for whoever ends a trial waits until its log is written."""
+        self._hurries.set()
+        self._subscribed.set()
+        self._handlers[number](number, frame)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close."""
+        for number, before in self._handlers.items():
+            signal.signal(number, before)
+        self._handlers.clear()
         self.close()
 
 

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import re
+import signal
 import socket
 import struct
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from foxglove.messages import CameraCalibration
 from mcap.reader import make_reader
 from mcap.records import Schema
@@ -175,3 +179,23 @@ def test_where_the_port_is_taken_another_one_serves() -> None:
         for server in (first, second):
             host, _, port = server.url.removeprefix("ws://").partition(":")
             socket.create_connection((host, int(port)), timeout=5.0).close()
+
+
+def test_ctrl_c_ends_the_waiting_for_a_client(tmp_path: Path, header: LogHeader) -> None:
+    """The log is closed first, and waits until its messages are sent: it took 20 s, a second Ctrl-C too."""
+    begun = time.monotonic()
+
+    def record() -> None:
+        path = tmp_path / "trial.mcap"
+        with (
+            FoxgloveServer() as server,
+            McapRecorder(path, header, flush_every_s=0.01, listener=server.publish) as recorder,
+        ):
+            threading.Timer(0.5, os.kill, [os.getpid(), signal.SIGINT]).start()
+            for stamp_ns in range(0, 100_000_000_000, 100_000_000):
+                recorder.write(topics.EVENTS, stamp_ns, Event(stamp_ns, "step", "waits"))
+
+    with pytest.raises(KeyboardInterrupt):
+        record()
+    assert time.monotonic() - begun < 5.0
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
