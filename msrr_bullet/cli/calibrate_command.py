@@ -215,13 +215,15 @@ def _refuse(found: CameraCalibration, kind: Kind, board: Board, files: Sequence[
 
 def _measures(kind: Kind) -> str:
     """Return the options that say what the board is like."""
-    return "--board and --square-mm" if kind is Kind.CHESSBOARD else "--board, --square-mm and --marker-mm"
+    also = "" if kind is Kind.CHESSBOARD else ", --family, --marker-mm"
+    return f"--kind, --board{also} and --square-mm"
 
 
 def _doubt(board: Board, files: Sequence[Path], missed: Sequence[str]) -> str:
     """Return how many pictures show the board, what one of the others shows, and what may be wrong."""
     seen = _seen(board, (*map(Path, missed), *files))
-    return f"{len(files) - len(missed)} of {len(files)} pictures show the board{seen}; is --board right?"
+    shown = f"{len(files) - len(missed)} of {len(files)} pictures show the board"
+    return f"{shown}{seen}; are --kind, --family and --board right?"
 
 
 def _seen(board: Board, files: Sequence[Path]) -> str:

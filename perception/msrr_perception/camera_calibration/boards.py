@@ -39,6 +39,10 @@ _MOST_MISFIT = 0.5
 _DICTIONARY = "DICT_"
 
 
+#: The family of nearly all boards of AprilTags.
+_USUAL_FAMILY = "tag36h11"
+
+
 class BoardError(MsrrError):
     """A board that cannot be, or cannot be found."""
 
@@ -120,7 +124,10 @@ class Chessboard:
         return np.asarray(refined, dtype=np.float64).reshape(-1, 2)
 
     def hint(self, pixels: Pixels) -> str:
-        """Return the number of inner corners of any chessboard."""
+        """Return how many AprilTags there are, which a search takes for squares, or inner corners."""
+        tags = TagFinder((_USUAL_FAMILY,)).find(pixels)
+        if len(tags) > 1:
+            return f"{len(tags)} AprilTags and no chessboard"
         found, _, grid = cv2.findChessboardCornersSBWithMeta(
             pixels, (3, 3), cv2.CALIB_CB_LARGER | cv2.CALIB_CB_EXHAUSTIVE
         )

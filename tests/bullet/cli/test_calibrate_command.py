@@ -76,7 +76,10 @@ def test_what_is_wrong_is_one_message(pictures: Path, capfd: pytest.CaptureFixtu
             [board, "--board", "9x6", "--square-mm", "30"],
             "board_0.png shows a chessboard of 5x4 inner corners",
         ),
-        ([str(pictures / "wall.png"), *BOARD], "0 of 1 pictures show the board; is --board right?"),
+        (
+            [str(pictures / "wall.png"), *BOARD],
+            "pictures show the board; are --kind, --family and --board right?",
+        ),
         ([board, *BOARD], "1 picture(s) with a board; 3 are the fewest"),
         ([board, "large.png", *BOARD], "large.png: 640 x 480 px, and "),
         (["film.mp4", *BOARD], "film.mp4: a film; take ten to twenty sharp pictures"),
@@ -101,11 +104,11 @@ def test_a_board_is_in_doubt_if_most_pictures_show_another(
     assert run(["calibrate", str(tmp_path), "--board", "7x5", "--square-mm", "30"]) == BAD_INPUT
     error = capfd.readouterr().err
     assert "1 of 5 pictures show the board; " in error
-    assert "board_0.png shows a chessboard of 5x4 inner corners; is --board right?" in error
+    assert "board_0.png shows a chessboard of 5x4 inner corners; are --kind, --f" in error
     out = tmp_path / "part.yaml"
     part = ["--board", "5x3", "--square-mm", "30", "--out", str(out)]
     assert run(["calibrate", str(pictures), *part]) == BAD_INPUT
     error = capfd.readouterr().err
     assert re.search(r"px \(RMS\) from where they are, so the board is not as told; .* shows a chess", error)
-    assert "of 5x4 inner corners; check --board and --square-mm; nothing was written" in error
+    assert "of 5x4 inner corners; check --kind, --board and --square-mm; nothing was written" in error
     assert not out.exists()

@@ -57,3 +57,8 @@ def test_points_are_found_where_they_are(
 def test_boards_that_cannot_be_are_refused(build: Callable[[], object], message: str) -> None:
     with pytest.raises(BoardError, match=message):
         build()
+
+
+def test_a_grid_of_tags_is_not_told_as_a_chessboard(printed: Callable[[str], Any]) -> None:
+    """A search for chessboards takes the squares of the tags for theirs."""
+    assert Chessboard(7, 5, 0.03).hint(printed("tags").pixels) == "12 AprilTags and no chessboard"
