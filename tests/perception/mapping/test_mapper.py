@@ -159,7 +159,7 @@ def test_a_tag_that_was_moved_is_where_most_pictures_show_it() -> None:
     assert max(squared_errors(found, tags)) < 40.0  # of six degrees of freedom: 5 in 10^7 are above
 
 
-@pytest.mark.parametrize("seed", [0, 5])
+@pytest.mark.parametrize("seed", [0, pytest.param(5, marks=pytest.mark.nightly)])
 def test_a_tag_of_another_size_is_left_out_as_a_whole(seed: int) -> None:
     """From near and from far it seems to be at another place each time: no two of ten sightings make one."""
     rng = np.random.default_rng(seed)
