@@ -67,11 +67,20 @@ _COLUMNS = (
 class _Trial:
     """A trial as its rows tell of it: how it ended, and the values of its docking steps by column."""
 
-    succeeded: bool
-    has_result: bool
+    outcome: str
     duration_s: float | None
     values: dict[str, list[float]] = field(default_factory=dict)
     steps: set[str] = field(default_factory=set)
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the trial ended as it should."""
+        return self.outcome in _SUCCESSES
+
+    @property
+    def has_result(self) -> bool:
+        """Whether the trial came to an end of its own."""
+        return self.outcome != ""
 
 
 class ComparedQuantile(BaseModel, frozen=True, ser_json_inf_nan="strings"):
@@ -255,9 +264,11 @@ def _add(trials: dict[int, _Trial], row: dict[str, str], place: str) -> None:
     if row["outcome"] not in _OUTCOMES:
         raise SceneError(f"{place}: outcome is {row['outcome']!r}, which no trial has")
     duration_s = _number(row, "duration_s", place)
-    trial = trials.setdefault(seed, _Trial(row["outcome"] in _SUCCESSES, row["outcome"] != "", duration_s))
+    trial = trials.setdefault(seed, _Trial(row["outcome"], duration_s))
     if row["step"] in trial.steps:
         raise SceneError(f"{place}: step {row['step']} of seed {seed} a second time; give one sweep a file")
+    if (trial.outcome, trial.duration_s) != (row["outcome"], duration_s):
+        raise SceneError(f"{place}: seed {seed} ends otherwise than in a row before; give one sweep a file")
     trial.steps.add(row["step"])
     if _number(row, "undocks", place):
         return

@@ -160,11 +160,17 @@ class TrialStore:
     def _result(self, seed: int, text: str) -> TrialResult:
         """Return a stored result."""
         try:
-            return TrialResult.from_json(text)
+            result = TrialResult.from_json(text)
         except ResultError as error:
             raise StoreError(
                 f"{self._path}: the result of seed {seed} cannot be read: {error}; use another store"
             ) from None
+        if result.seed != seed:
+            raise StoreError(
+                f"{self._path}: the result of seed {seed} says that it is of seed {result.seed}; "
+                "use another store"
+            )
+        return result
 
     def _rows(self, query: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
         try:

@@ -134,6 +134,8 @@ def build(kind: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fix
     factory = resolve(kind, choice.name, table)
     own = cast(type, factory) if is_import_path(choice) else None
     misfit = f"{kind} {choice.name!r} does not take {choice.params}"
+    if not choice.params:
+        misfit = f"{kind} {choice.name!r} cannot be built"
     if own is not None:
         try:
             _signature(own).bind(*args, **fixed, **choice.params)

@@ -209,6 +209,12 @@ def test_what_else_the_sweeps_do_not_share_is_told(
         (lambda text: text.replace("attempts", "tries"), r"b.csv: no column attempts; .* msrr sweep --csv"),
         (lambda text: text.replace("0.3,", "high,"), r"b.csv, line 2: min_clearance_m is 'high'"),
         (lambda text: text + text.split("\n", 1)[1], r"b.csv, line 4: step 0 of seed 0 a second time"),
+        (
+            lambda text: (
+                text + text.split("\n")[1].replace(",0,a,", ",1,a,").replace("docked", "timeout", 1) + "\n"
+            ),
+            r"b.csv, line 4: seed 0 ends otherwise than in a row before; give one sweep a file",
+        ),
         (lambda text: text.replace("range,", "range,5"), r"no seed in common"),
         (lambda text: text.replace("range,1,", "range,,"), r"b.csv, line 3: no seed"),
         (lambda text: text.replace("range,1,", "range,inf,"), r"line 3: seed is 'inf', which is no whole"),

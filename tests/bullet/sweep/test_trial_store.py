@@ -139,7 +139,8 @@ def test_stores_are_merged_and_a_contradiction_changes_nothing(
     before = rows()
     with sqlite3.connect(parts[0]) as db:
         db.execute("UPDATE trials SET result = replace(result, 'made up', 'made') WHERE seed = 3")
-        db.execute("UPDATE trials SET seed = 9 WHERE seed = 0")
+        renumbered = """seed = 9, result = replace(result, '"seed":0', '"seed":9')"""
+        db.execute(f"UPDATE trials SET {renumbered} WHERE seed = 0")
     assert run(["merge", str(parts[0]), "--into", str(whole)]) == 2
     told = " ".join(capsys.readouterr().err.split())
     assert "its result of seed 3 is another one" in told
@@ -202,6 +203,12 @@ def test_a_result_that_cannot_be_read_is_one_error(
             db.execute("UPDATE trials SET result = '{}'")
         with pytest.raises(StoreError, match=r"seed 0 cannot be read: not a trial result of this version"):
             store.get(result.scene_hash, "code", [0])
+        with sqlite3.connect(tmp_path / "trials.sqlite") as db:
+            db.execute("UPDATE trials SET result = ?", [made_up(scene, 7).to_json()])
+        with pytest.raises(StoreError, match="seed 0 says that it is of seed 7; use another store"):
+            store.get(result.scene_hash, "code", [0])
+        with sqlite3.connect(tmp_path / "trials.sqlite") as db:
+            db.execute("UPDATE trials SET result = '{}'")
     with TrialStore(tmp_path / "good.sqlite") as store:
         with pytest.raises(StoreError, match=r"trials\.sqlite: the result of seed 0 cannot be read"):
             store.merge(tmp_path / "trials.sqlite")
