@@ -12,12 +12,14 @@ from dataclasses import replace
 import numpy as np
 
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
+from msrr_perception.estimation.clock_parts import by_parts, in_doubt
 from msrr_perception.estimation.first_fit import FirstFit, StartingState
 from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.measurement_history import Measurement
 from msrr_perception.estimation.motion import FilterState
-from msrr_perception.kernels.calibrated import AT_REST, EDGE, Rates
+from msrr_perception.kernels.calibrated import EDGE
 from msrr_perception.kernels.corners import Seen, derivatives
+from msrr_perception.kernels.rates import AT_REST, Rates, moved
 from msrr_perception.kernels.section_errors import DataSheet
 from msrr_perception.kernels.update import Rules, update
 from msrr_perception.pose.calibration import POSE_SIZE
@@ -56,6 +58,7 @@ class CornerUpdate:
             start_inflation: Factor on the covariance of what a first state is computed from.
         """
         self._target, self._layout = target, target.filter_layout
+        self._clock = self._layout.clock
         errors = target.corner_errors
         self._sheet = DataSheet(errors.noise_grey, errors.blur_px, errors.contrast, corner_sigma_px or 0.0)
         self._noise = noise
@@ -83,6 +86,11 @@ class CornerUpdate:
             measurement: The measurement.
             rates: How the unit moves about an exposure.
         """
+        if self._clock is not None and in_doubt(prior, self._clock, rates):
+            return by_parts(prior, self._clock, lambda part: self._by(part, measurement, rates))
+        return self._by(prior, measurement, rates)
+
+    def _by(self, prior: FilterState, measurement: Measurement, rates: Rates) -> FilterState | None:
         if isinstance(measurement, PoseMeasurement):
             return self._by_pose(prior, measurement, rates)
         return self.by_corners(prior, self._of_target(measurement), rates)
@@ -112,7 +120,10 @@ class CornerUpdate:
         by_errors = self._of_pose(prior.mean, rates)[:3]
         H[:, self._layout.first : self._layout.first + by_errors.shape[1]] = -by_errors
         # The pose is that at the exposure, of which the derivatives tell the way by the velocity then alone.
-        innovation = measurement.X_DU.as_array() + rates.way - rates.late * rates.velocity - H @ prior.mean
+        late = float(prior.mean[self._clock]) if self._clock is not None else 0.0
+        way, velocity = np.empty(3), np.empty(3)
+        moved(rates, -late, way, velocity)
+        innovation = measurement.X_DU.as_array() - way - late * velocity - H @ prior.mean
         innovation[2] = math.remainder(innovation[2], 2.0 * math.pi)
         S = H @ P @ H.T + measurement.covariance
         distance = float(innovation @ np.linalg.solve(S, innovation))

@@ -11,7 +11,7 @@ from msrr_perception.estimation.measurement_history import Measurement
 from msrr_perception.estimation.motion import DriveMotion, FilterState
 from msrr_perception.estimation.wheel_doubt import doubts_wheels
 from msrr_perception.estimation.wheel_history import WheelHistory
-from msrr_perception.kernels.calibrated import AT_REST
+from msrr_perception.kernels.rates import AT_REST
 from msrr_scenes.messages import Detections, ExposureCounts
 
 #: Standard deviation of a place that tells nothing, as after wheel readings of another unit [m]. Beyond a
@@ -60,7 +60,7 @@ class FilterStep:
         rates = AT_REST
         if isinstance(measurement, Detections) or self._motion.learns_clock:
             rates = self._motion.rates(prior, self._wheels)
-            prior = replace(prior, told_ns=self._motion.told_until(rates, prior.stamp_ns))
+            prior = replace(prior, told_ns=self._motion.told_until(prior))
         nowhere = _is_nowhere(prior)
         after = agreeing = None if nowhere else self._update.correct(prior, measurement, rates)
         rejected = 0 if agreeing is not None else prior.rejected + 1

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from msrr_perception.estimation.knowledge import Knowledge
-from msrr_perception.kernels.calibrated import AT_REST
 from msrr_perception.kernels.corners import Seen, roots_of_covariance
+from msrr_perception.kernels.rates import AT_REST
 from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
 from msrr_perception.pose.calibration import POSE_SIZE
 from msrr_perception.pose.corner_fit import (

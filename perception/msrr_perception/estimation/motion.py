@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,9 +10,9 @@ import numpy as np
 from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.motion_noise import MotionNoise
 from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
-from msrr_perception.kernels.calibrated import AT_REST, CLOCK, LASTS_S, Rates
 from msrr_perception.kernels.dock_frame import predict
 from msrr_perception.kernels.drive import Drive, propagate
+from msrr_perception.kernels.rates import ABOUT_S, AT_REST, Rates, rates_by_wheels
 from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
 from msrr_perception.pose.target import YAW, TargetModel
 from msrr_scenes.arrays import Array, frozen
@@ -25,22 +24,9 @@ from msrr_scenes.specs.sensors import OdometrySpec
 #: relative error of the track.
 _LEAST_SCALE_SIGMA, _LEAST_TRACK_SIGMA = 0.003, 0.003
 
-#: Time before and after an instant whose readings tell velocity and acceleration [ns]. The errors of encoders
-#: look like changes of the velocity, which tell the clock of the camera: by two readings 20 ms from the
-#: instant, at 4096 ticks per turn, its error was twice its standard deviation. Most pictures come 40 ms after
-#: their exposure, when all these readings are there already.
-_RATES_NS = round(LASTS_S * NS_PER_S)
-
-#: Standard deviations of a camera's clock up to which an exposure after its stamp is told by the motion then.
-_CLOCK_SIGMAS = 3.0
-
-#: Number of readings that are used of each of these two times, and their times about the instant [ns].
-_READINGS = 3
-_TIMES_NS = [k * _RATES_NS // _READINGS for k in range(-_READINGS, _READINGS + 1)]
-
-#: Weights of their angles in the velocity [1/s] and the acceleration [1/s^2] of the parabola nearest to them.
-_PARABOLA = np.linalg.pinv(np.vander(np.array(_TIMES_NS) / NS_PER_S, 3, increasing=True))
-_VELOCITY, _ACCELERATION = _PARABOLA[1].tolist(), (2.0 * _PARABOLA[2]).tolist()
+#: Standard deviations of the clock of a camera within which an exposure is, and the largest time from one to
+#: the next instant whose velocity is told [s].
+_CLOCK_SIGMAS, _STEP_S = 3.0, 0.01
 
 _NO_STEPS = np.zeros((0, 5))
 
@@ -124,10 +110,11 @@ class DriveMotion:
         # Two readings, each rounded to a tick.
         self._rounding = 2.0 * (2.0 * math.pi / odometry.ticks_per_turn * target.wheel_radius) ** 2 / 12.0
         self._play = 3.0 * target.tolerances.backlash
-        self._clock = int(layout.tags.columns[0, CLOCK]) if len(layout.tags.columns) else -1
-        self.learns_clock = self._clock >= 0
-        self._behind = _CLOCK_SIGMAS * target.tolerances.clock_s
-        self.about_ns = round(self._behind * NS_PER_S) + _RATES_NS
+        self._clock = layout.clock
+        self.learns_clock = self._clock is not None
+        self._clock_within = _CLOCK_SIGMAS * target.tolerances.clock_s
+        self._rows = 0.5 * target.shutter.readout_s
+        self.about_ns = math.ceil((2.0 * self._clock_within + self._rows + ABOUT_S) * NS_PER_S)
         self._marker, self._pivot = -1 if layout.marker is None else layout.marker, layout.tags.pivot
         self._drive = Drive(
             radius=target.wheel_radius,
@@ -158,40 +145,40 @@ class DriveMotion:
 
         What they did until :meth:`told_until` may not be known yet, and is extrapolated then.
         """
-        late = max(float(state.mean[self._clock]), -self._behind) if self.learns_clock else 0.0
-        now_ns = state.stamp_ns - round(late * NS_PER_S)
-        now, stamp = history.angles_at(now_ns), history.angles_at(state.stamp_ns)
-        if now is None or stamp is None:
-            return AT_REST
-        yaw = float(state.mean[YAW])
-        way, turn = self._moved(state, stamp.left - now.left, stamp.right - now.right)
-        since = np.array([way * math.cos(yaw - 0.5 * turn), way * math.sin(yaw - 0.5 * turn), turn])
-        about = [history.angles_at(now_ns + t) or now for t in _TIMES_NS]
-        v, w = self._moved(state, *_weighted(about, _VELOCITY))
-        dv, dw = self._moved(state, *_weighted(about, _ACCELERATION))
-        c, s = math.cos(yaw - turn), math.sin(yaw - turn)
-        velocity = np.array([v * c, v * s, w])
-        return Rates(late, since, velocity, np.array([dv * c - v * w * s, dv * s + v * w * c, dw]))
+        return self._rates(state, history, *self._exposed(state))
 
     def velocity(self, state: FilterState, history: WheelHistory) -> Array:
         """Return the velocity of (x, y, yaw) in D at the time of a state by the wheels [m/s, rad/s], (3,)."""
-        now = history.angles_at(state.stamp_ns)
-        if now is None:
-            return AT_REST.velocity
-        about = [history.angles_at(state.stamp_ns + t) or now for t in _TIMES_NS]
-        (v, w), yaw = self._moved(state, *_weighted(about, _VELOCITY)), float(state.mean[YAW])
-        return np.array([v * math.cos(yaw), v * math.sin(yaw), w])
+        velocity: Array = self._rates(state, history, 0.0, 0.0).velocity[0]
+        return velocity
 
-    def told_until(self, rates: Rates, stamp_ns: int) -> int:
-        """Return the time until which the wheels tell the rates about an exposure with a stamp [ns]."""
-        return stamp_ns - round(rates.late * NS_PER_S) + _RATES_NS
+    def told_until(self, state: FilterState) -> int:
+        """Return the time until which the wheels tell the rates about an exposure at a state [ns]."""
+        exposed, within = self._exposed(state)
+        return state.stamp_ns + math.ceil((exposed + within + ABOUT_S) * NS_PER_S)
 
-    def _moved(self, state: FilterState, left: float, right: float) -> tuple[float, float]:
-        """Return the way of the axle [m] and the turn [rad] by angles of both wheels [rad], or rates."""
-        by_left, by_right = state.mean[5:7].tolist()
-        left *= self._drive.radius * (1.0 + by_left)
-        right *= self._drive.radius * (1.0 + by_right)
-        return 0.5 * (left + right), (right - left) / self._drive.track
+    def _rates(self, state: FilterState, history: WheelHistory, exposed: float, within: float) -> Rates:
+        """Return the rates about a time after the stamp, with instants as long before and after it [s]."""
+        readings = history.about(state.stamp_ns, math.ceil((abs(exposed) + within + ABOUT_S) * NS_PER_S))
+        if not len(readings):
+            return AT_REST
+        steps = math.ceil(within / _STEP_S)
+        step = within / steps if steps else _STEP_S
+        radii = self._drive.radius * (1.0 + state.mean[5:7])
+        return rates_by_wheels(
+            readings, exposed, step, steps, radii, self._drive.track, float(state.mean[YAW])
+        )
+
+    def _exposed(self, state: FilterState) -> tuple[float, float]:
+        """Return the time from the stamp at a state to when the exposure is thought to have been [s].
+
+        The second is by how much, at most, a row was exposed before or after it.
+        """
+        if self._clock is None:
+            return 0.0, self._rows
+        late = min(max(float(state.mean[self._clock]), -self._clock_within), self._clock_within)
+        doubt = _CLOCK_SIGMAS * math.sqrt(state.covariance[self._clock, self._clock])
+        return -late, min(doubt, self._clock_within) + self._rows
 
     def propagate(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
         """Return the state, without its rivals, moved forward to ``stamp_ns`` along the encoder readings."""
@@ -283,11 +270,3 @@ class DriveMotion:
             steps += left, right, dt, loose_left, loose_right
             wheels, before_ns = angles, angles.stamp_ns
         return np.array(steps, dtype=np.float64).reshape(-1, 5), wheels
-
-
-def _weighted(angles: Sequence[WheelAngles], weights: Sequence[float]) -> tuple[float, float]:
-    """Return the weighted sums of the angles of the left and of the right wheel."""
-    left = right = 0.0
-    for a, weight in zip(angles, weights, strict=True):
-        left, right = left + a.left * weight, right + a.right * weight
-    return left, right

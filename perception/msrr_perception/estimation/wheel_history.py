@@ -5,6 +5,9 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from typing import NamedTuple
 
+import numpy as np
+
+from msrr_scenes.arrays import Array
 from msrr_scenes.messages import NS_PER_S, WheelOdometry, seconds
 
 #: Shortest time beyond the newest reading for which the last wheel speeds are assumed to last [ns]. Where
@@ -107,6 +110,23 @@ class WheelHistory:
         if i == len(readings):
             return self._after_newest(stamp_ns)
         return _interpolated(readings[i - 1], readings[i], stamp_ns, stamp_ns)
+
+    def about(self, stamp_ns: int, within_ns: int) -> Array:
+        """Return what tells the angles from ``within_ns`` before an instant until as long after it.
+
+        Returns:
+            Times from the instant [s] with the angles of the left and the right wheel then [rad], shape
+            (R, 3): with constant speeds from one to the next, and standing wheels before the first and after
+            the last one, they are those of :meth:`angles_at`. None are there before any reading is known.
+        """
+        first = max(bisect_right(self._stamps, stamp_ns - within_ns) - 1, 0)
+        known = self._readings[first : bisect_left(self._stamps, stamp_ns + within_ns) + 1]
+        if len(self._stamps) > 1 and self._stamps[-1] < stamp_ns + within_ns:
+            known.append(
+                self._after_newest(self._stamps[-1] + _lasts_ns(self._stamps[-1] - self._stamps[-2]))
+            )
+        rows = [(seconds(a.stamp_ns - stamp_ns), a.left, a.right) for a in known]
+        return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
     def angles_between(self, after_ns: int, until_ns: int) -> list[WheelAngles]:
         """Return the readings strictly between two instants, then the angles at ``until_ns``."""

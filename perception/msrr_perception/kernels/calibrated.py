@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from msrr_perception.kernels.compiled import kernel
 from msrr_perception.kernels.project import NEAREST_M, Optics
+from msrr_perception.kernels.rates import Rates, moved
 from msrr_scenes.arrays import Array
 
 #: First of the parameters on which the image of a tag depends, by group: ``(x, y, yaw, pitch, roll)`` of the
@@ -52,26 +53,6 @@ class TagMap(NamedTuple):
     considered: Array  # (T, PARAMETERS) variance of what is not in the state
 
 
-class Rates(NamedTuple):
-    """How a unit moves about an exposure, for the time by which the camera's clock is ahead.
-
-    The motion is that at the instant when the exposure is thought to have been, ``late`` before its stamp, or
-    after it if that is negative.
-    """
-
-    late: float  # [s]
-    way: Array  # (3,) by which (x, y, yaw) in D change from that instant to the stamp [m, rad]
-    velocity: Array  # (3,) of (x, y, yaw) in D [m/s, rad/s]
-    acceleration: Array  # (3,) of (x, y, yaw) in D, for as long as LASTS_S before and after [m/s^2, rad/s^2]
-
-
-#: The rates of a unit that stands.
-AT_REST = Rates(0.0, np.zeros(3), np.zeros(3), np.zeros(3))
-
-#: Time for which an acceleration is known to last [s]; beyond it the velocity is that at its end.
-LASTS_S = 0.03
-
-
 @kernel
 def project_tag(
     optics: Optics,
@@ -101,7 +82,7 @@ def project_tag(
     for k in range(PARAMETERS):
         if tags.columns[tag, k] >= 0:
             e[k] = state[tags.columns[tag, k]]
-    at_once, pose = np.empty(3), np.empty(3)  # rates and pose at the exposure
+    way, at_once = np.empty(3), np.empty(3)  # of the unit from the stamp to the exposure, and its velocity
     cp, sp = math.cos(e[3]), math.sin(e[3])
     cr, sr = math.cos(e[4]), math.sin(e[4])
     R_UD, A = np.empty((3, 3)), np.empty((3, 3))  # Rx^T Ry^T Rz^T, and from D to the camera
@@ -110,14 +91,9 @@ def project_tag(
     local, arm, p_D, q, g = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty((3, PARAMETERS))
     for corner in range(4):
         if corner == 0 or after[corner] != after[corner - 1]:
-            late = e[CLOCK] - rates.late - after[corner]
-            lasts = min(max(late, -LASTS_S), LASTS_S)
-            for k in range(3):
-                at_once[k] = rates.velocity[k] - lasts * rates.acceleration[k]
-                changed = lasts * (late - 0.5 * lasts) * rates.acceleration[k]
-                back = rates.way[k] + late * rates.velocity[k] - changed
-                pose[k] = e[k] - back
-            x, y, cy, sy = pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
+            moved(rates, after[corner] - e[CLOCK], way, at_once)
+            x, y, yaw = e[0] + way[0], e[1] + way[1], e[2] + way[2]
+            cy, sy = math.cos(yaw), math.sin(yaw)
             R_UD[0, 0], R_UD[0, 1], R_UD[0, 2] = cp * cy, cp * sy, -sp
             R_UD[1, 0], R_UD[1, 1], R_UD[1, 2] = sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp
             R_UD[2, 0], R_UD[2, 1], R_UD[2, 2] = cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp

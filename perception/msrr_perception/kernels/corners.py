@@ -8,11 +8,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_perception.kernels.calibrated import BORDER, PARAMETERS, Rates, TagMap, project_tag
+from msrr_perception.kernels.calibrated import BORDER, PARAMETERS, TagMap, project_tag
 from msrr_perception.kernels.compiled import kernel, subroutine
 from msrr_perception.kernels.edges import BY_OFFSET, BY_SLOPE
 from msrr_perception.kernels.linear_algebra import cholesky
 from msrr_perception.kernels.project import Optics
+from msrr_perception.kernels.rates import Rates
 from msrr_perception.kernels.section_errors import CornerVariances
 from msrr_scenes.arrays import Array
 
@@ -73,7 +74,7 @@ def roots_of_covariance(
     """
     which, corners, after = measured.which, measured.corners, measured.after
     pixels, J, S = np.empty(8), np.empty((8, PARAMETERS)), np.empty((8, 8))
-    roots, velocity = np.zeros((which.shape[0], 8, 8)), rates.velocity
+    roots, velocity = np.zeros((which.shape[0], 8, 8)), rates.velocity[rates.velocity.shape[0] // 2]
     for t in range(which.shape[0]):
         project_tag(optics, tags, which[t], 0.0, rates, after[t], state, pixels, J)
         moved = 0.0

@@ -14,11 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_perception.kernels.calibrated import PARAMETERS, Rates, TagMap
+from msrr_perception.kernels.calibrated import PARAMETERS, TagMap
 from msrr_perception.kernels.compiled import kernel, subroutine
 from msrr_perception.kernels.corners import Measured, Seen, roots_of_covariance, whitened
 from msrr_perception.kernels.linear_algebra import cholesky, solve
 from msrr_perception.kernels.project import Optics
+from msrr_perception.kernels.rates import Rates
 from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
 from msrr_scenes.arrays import Array
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from msrr_perception.kernels.calibrated import AT_REST, PARAMETERS, TagMap
+from msrr_perception.kernels.calibrated import PARAMETERS, TagMap
 from msrr_perception.kernels.compiled import compiler
 from msrr_perception.kernels.corners import Measured, Seen, derivatives, roots_of_covariance
 from msrr_perception.kernels.dock_frame import pose_by_marker, predict
@@ -16,6 +16,7 @@ from msrr_perception.kernels.edges import intersect_edges, refine_corners
 from msrr_perception.kernels.fit import fit
 from msrr_perception.kernels.lens import NO_LENS, undistort
 from msrr_perception.kernels.project import Optics, predict_tags, tag_extent
+from msrr_perception.kernels.rates import AT_REST, moved, rates_by_wheels
 from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
 from msrr_perception.kernels.track import coast, fuse
 from msrr_perception.kernels.update import Rules, update
@@ -56,6 +57,8 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     propagate(state.copy(), np.eye(8), steps, drive)
     predict(state, np.eye(8), steps, drive, -1, still)
     pose_by_marker(state, -1, still)
+    rates_by_wheels(np.zeros((1, 3)), 0.0, 1.0, 0, np.ones(2), 1.0, 0.0)
+    moved(AT_REST, 0.0, np.empty(3), np.empty(3))
     undistort(NO_LENS, pixels)
     coast(np.zeros(5), np.eye(5), 0.1, 1.0, 1.0, 1.0)
     fuse(np.zeros(5), np.eye(5), np.zeros(3), frozen(np.eye(3)))

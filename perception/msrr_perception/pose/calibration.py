@@ -185,6 +185,12 @@ class StateLayout:
         """Number n of the entries of a state."""
         return self.first + len(self.prior)
 
+    @property
+    def clock(self) -> int | None:
+        """Index of the time by which the clock of the camera is ahead; None if that is known."""
+        columns = self.tags.columns[:1, CLOCK].tolist()
+        return columns[0] if columns and columns[0] >= 0 else None
+
 
 def pose_layout(corners_D: Mapping[int, Array], port_tags: Sequence[int]) -> StateLayout:
     """Return the layout of a state that is a pose with tilt alone: everything was built as drawn.

@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from msrr_perception.kernels.calibrated import AT_REST
 from msrr_perception.kernels.corners import Measured, Seen
 from msrr_perception.kernels.fit import fit
+from msrr_perception.kernels.rates import AT_REST
 from msrr_perception.pose.calibration import StateLayout
 from msrr_perception.pose.target import YAW, TargetModel
 from msrr_scenes.arrays import Array

@@ -249,27 +249,46 @@ def test_a_prediction_is_the_state_moved_and_seen_from_the_dock_frame(scene: Sce
 def test_the_rates_about_an_exposure_are_those_of_the_arc_that_is_driven(
     scene: Scene, left: float, right: float, late_s: float
 ) -> None:
-    """Way, velocity and acceleration in D of a unit on a circle, at the instant of the exposure.
+    """Way and velocity in D of a unit on a circle, at all instants within three sigma of the exposure.
 
     A time by which the clock is ahead of 30 ms turns the unit on the spot by nearly a quarter of a radian.
     """
-    built = {"grade": "perfect", "onboard": {"clock_ms": {"sigma": 8.0}}}
+    built = {"grade": "perfect", "onboard": {"clock_ms": {"sigma": 10.0}}}
     told = Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": built}).told()
     target = TargetModel.from_scene(told, told.plan[0])
-    motion, ticks = DriveMotion(target, OdometrySpec(), DEFAULT_NOISE), np.arange(21)
+    motion, ticks = DriveMotion(target, OdometrySpec(), DEFAULT_NOISE), np.arange(41)
     history = _wheels(left * ticks, right * ticks)
     start = _start(motion, SE2(-0.7, 0.1, 0.3), history)
     mean = start.mean.copy()
     mean[target.filter_layout.tags.columns[0, CLOCK]] = late_s
-    rates = motion.rates(replace(start, stamp_ns=10 * TICK_NS, mean=mean), history)
+    rates = motion.rates(replace(start, stamp_ns=20 * TICK_NS, mean=mean), history)
 
     radius, period = target.wheel_radius, 1e-9 * TICK_NS
     v, w = 0.5 * (left + right) * radius / period, (right - left) * radius / target.track / period
-    X_stamp = SE2(-0.7, 0.1, 0.3)
-    X_exposed = X_stamp @ SE2.exp(-late_s * v, 0.0, -late_s * w)
-    yaw = X_exposed.yaw
-    ahead, aside = np.array([math.cos(yaw), math.sin(yaw)]), np.array([-math.sin(yaw), math.cos(yaw)])
-    assert rates.late == late_s
-    np.testing.assert_allclose(rates.way, X_stamp.as_array() - X_exposed.as_array(), rtol=5e-3, atol=1e-9)
-    np.testing.assert_allclose(rates.velocity, [*v * ahead, w], rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(rates.acceleration, [*v * w * aside, 0.0], rtol=1e-6, atol=1e-6)
+    X_stamp, after = SE2(-0.7, 0.1, 0.3), rates.first + rates.step * np.arange(len(rates.way))
+    np.testing.assert_allclose(
+        [after[0], np.mean(after), after[-1]], -late_s + np.array([-0.03, 0.0, 0.03]), atol=1e-9
+    )
+    for t, way, velocity in zip(after, rates.way, rates.velocity, strict=True):
+        X = X_stamp @ SE2.exp(t * v, 0.0, t * w)
+        ahead = v * np.array([math.cos(X.yaw), math.sin(X.yaw)])
+        np.testing.assert_allclose(way, X.as_array() - X_stamp.as_array(), rtol=0.01, atol=2e-5)
+        np.testing.assert_allclose(velocity, [*ahead, w], rtol=2e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize(("until", "last"), [(20, 25), (10, 10)])
+def test_what_tells_the_angles_about_an_instant_tells_those_at_any(until: int, last: int) -> None:
+    """Also before the first reading, after the newest one, and long after it."""
+    rng = np.random.default_rng(0)
+    history = _wheels(*np.cumsum(rng.normal(size=(2, until + 1)), axis=1))
+    about = history.about(last * TICK_NS, 30 * TICK_NS)
+    for at_ns in rng.integers((last - 30) * TICK_NS, (last + 30) * TICK_NS, 50).tolist():
+        angles = history.angles_at(at_ns)
+        assert angles is not None
+        time = 1e-9 * (at_ns - last * TICK_NS)
+        found = [np.interp(time, about[:, 0], about[:, k]) for k in (1, 2)]
+        np.testing.assert_allclose(found, [angles.left, angles.right], atol=1e-9)
+
+
+def test_nothing_tells_the_angles_before_the_first_reading() -> None:
+    assert WheelHistory().about(0, TICK_NS).shape == (0, 3)

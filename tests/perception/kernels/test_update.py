@@ -12,8 +12,8 @@ from scipy.stats import chi2
 
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.motion import FilterState
-from msrr_perception.kernels.calibrated import AT_REST, Rates
 from msrr_perception.kernels.corners import Measured, Seen, derivatives, roots_of_covariance
+from msrr_perception.kernels.rates import AT_REST, Rates
 from msrr_perception.kernels.section_errors import CornerVariances
 from msrr_perception.pose.corner_errors import surplus
 from msrr_perception.pose.joint_pose import CornerNoise
@@ -107,7 +107,7 @@ def test_the_update_is_that_of_plain_numpy(scene: Scene, see: See, grade: str, r
     rng, compared, gated = np.random.default_rng(5), 0, 0
     for case in range(40):
         prior = _prior(target, rng)
-        rates = Rates(1e-4, *(k * rng.normal(0.0, [0.1, 0.02, 0.3]) for k in (1e-4, 1.0, 5.0)))
+        rates = Rates(-5e-3, 5e-3, *(k * rng.normal(0.0, [0.1, 0.02, 0.3], (3, 3)) for k in (1e-3, 1.0)))
         pose = rng.multivariate_normal(prior.mean[:5], 0.1 * prior.covariance[:5, :5])
         ids = rng.permutation(target.tags)[: rng.integers(1, 6)]
         tags = [t for i in ids for t in see(pose, [i], rng, 0.05)]

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from msrr_perception.kernels.calibrated import AT_REST, CLOCK, PARAMETERS, Rates, project_tag
+from msrr_perception.kernels.calibrated import CLOCK, PARAMETERS, project_tag
+from msrr_perception.kernels.rates import AT_REST, Rates
 from msrr_perception.pose.calibration import POSE_SIZE
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.as_built.draw import draw_as_built
@@ -88,11 +89,20 @@ def test_a_state_that_knows_the_error_predicts_what_is_seen(name: str) -> None:
     assert np.abs(seen - known).max() <= tolerance
 
 
+def _accelerated() -> Rates:
+    """Return rates with accelerations that differ from one step to the next; the last instant is 15 ms on."""
+    times = np.linspace(-0.015, 0.015, 7)
+    velocity = np.array([0.1, 0.02, 0.3]) + np.outer(np.sin(100.0 * times), [5e-3, 1e-3, 0.04])
+    way = np.zeros((7, 3))
+    np.cumsum(2.5e-3 * (velocity[1:] + velocity[:-1]), axis=0, out=way[1:])
+    return Rates(float(times[0]), 5e-3, way - way[3], velocity)
+
+
 def test_derivatives_are_those_of_the_projection() -> None:
     scene = load_scene("close_range", {"as_built": "careful"})
     told = TargetModel.from_scene(scene.told(), scene.docks[0])
     layout, rng = told.filter_layout, np.random.default_rng(5)
-    rates, h = Rates(1e-3, *np.array([[1e-3, 2e-4, 3e-3], [0.1, 0.02, 0.3], [0.5, 0.1, 4.0]])), 1e-6
+    rates, h = _accelerated(), 1e-6
     after = np.array([-2e-3, 1e-3, 1e-3, 4e-3])
     state = np.zeros(layout.size)
     state[:5] = pose_vector(X_DU, 0.01, -0.01)
@@ -118,7 +128,7 @@ def test_a_corner_whose_row_is_exposed_later_is_seen_as_by_a_clock_that_is_behin
     scene = load_scene("close_range", {"as_built": "careful"})
     told = TargetModel.from_scene(scene.told(), scene.docks[0])
     layout, after = told.filter_layout, np.array([-12e-3, 5e-3, 0.0, 20e-3])
-    rates = Rates(1e-3, *np.array([[1e-3, 2e-4, 3e-3], [0.1, 0.02, 0.3], [0.5, 0.1, 4.0]]))
+    rates = _accelerated()
     state, clock = np.zeros(layout.size), layout.tags.columns[0, CLOCK]
     state[:5] = pose_vector(X_DU, 0.01, -0.01)
     rows, J = np.empty(8), np.empty((8, PARAMETERS))
