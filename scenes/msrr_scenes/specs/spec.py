@@ -176,7 +176,8 @@ class PoseSpec(Spec):
     yaw_deg: Angle = 0.0
     """Yaw, counter-clockwise positive [deg]."""
     frame: str = Field(default="world", pattern=rf"^(world|{_NAME}\.{_NAME})$")
-    """Frame of the pose: ``world`` or ``<unit>.<port>``."""
+    """Frame of the pose: ``world``, or ``<unit>.<port>``, the dock frame of a port, where a unit is placed by
+    its front port."""
     spread: Spread = Spread()
     """Half-widths of the uniform distribution that a start is drawn from."""
 
