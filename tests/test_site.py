@@ -71,6 +71,8 @@ def test_every_key_has_a_meaning_and_a_row_of_its_own(modules: dict[str, ModuleT
     assert [key.path for key in found if not key.meaning] == []
     for key in found:
         assert f"| `{key.path}` |" in page
+    assert "| `control.docking` | text or mapping |  | cbf |" in page
+    assert "| `limits.w_max_radps` | number | 0.001 .. 20 | 1.5 (normal), 1 (tight) | rad/s |" in page
     tops = {key.path.partition(".")[0] for key in found}
     assert tops == Scene.model_fields.keys() - {"source"}
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from code_reference import attribute_meanings
@@ -22,6 +22,9 @@ from msrr_control.staging.registry import ASSEMBLERS
 from msrr_perception.detection.detector import DETECTORS
 from msrr_perception.estimation.estimator import ESTIMATORS
 from msrr_scenes.loading.file_schema import file_schema
+from msrr_scenes.specs.control import ControlSpec
+from msrr_scenes.specs.sensors import CameraSpec, OverheadCameraSpec
+from msrr_scenes.specs.vehicle import LIMIT_SETTINGS
 
 Schema = Mapping[str, Any]
 
@@ -205,8 +208,23 @@ def _unit(path: str, description: str) -> str:
 
 def scene_keys() -> list[Key]:
     """Return all keys of a scene."""
-    schema = file_schema()
-    return list(dict.fromkeys(keys(schema, schema["$defs"])))
+    schema, filled_in = file_schema(), _filled_in()
+    found = dict.fromkeys(keys(schema, schema["$defs"]))
+    return [replace(key, default=filled_in.get(key.path, key.default)) for key in found]
+
+
+def _filled_in() -> dict[str, str]:
+    """Return the defaults that the schema leaves open: names of implementations, and limits by setting."""
+    parts = {
+        "control": ControlSpec(),
+        "cameras.onboard": CameraSpec(),
+        "cameras.overhead": OverheadCameraSpec(),
+    }
+    named = {path: path.rpartition(".") for path in EXTENSION_POINTS}
+    return {path: getattr(parts[part], key).name for path, (part, _, key) in named.items()} | {
+        f"limits.{limit}": ", ".join(f"{LIMIT_SETTINGS[name][limit]:g} ({name})" for name in LIMIT_SETTINGS)
+        for limit in LIMIT_SETTINGS["normal"]
+    }
 
 
 def parameter_keys(values: BaseModel, prefix: str = "") -> Iterator[Key]:
