@@ -126,7 +126,7 @@ def _report(console: Console, found: TagMap, notes: Iterable[str]) -> None:
         terms = zip(names, values, found.lens_sigma, strict=True)
         typer.echo("lens: " + ", ".join(f"{name} {value:.4g} ± {sigma:.2g}" for name, value, sigma in terms))
     typer.echo(headline(found))
-    for line in poor_residual(_rms(used), "--calibration or --tag-size"):
+    for line in poor_residual(_rms(used), "--calibration or --tag-size, which all tags have,"):
         typer.echo(line)
 
 

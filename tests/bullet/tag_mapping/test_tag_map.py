@@ -251,6 +251,15 @@ def test_a_refined_lens_does_not_replace_the_calibration_it_began_from(folder: P
     assert given.read_bytes() == before
 
 
+def test_command_says_what_a_large_residual_may_come_from(folder: Path, capsys: Capture) -> None:
+    told = yaml.safe_load((folder / "camera.yaml").read_text())
+    told["camera_matrix"]["data"][0] *= 1.3
+    (folder / "wrong.yaml").write_text(yaml.safe_dump(told))
+    arguments = ["--calibration", str(folder / "wrong.yaml"), "--tag-size", str(TAG_SIZE)]
+    assert run(["map", str(folder), *arguments, "--out", str(folder / "out")]) == 0
+    assert "--calibration or --tag-size, which all tags have, may be wrong" in capsys.readouterr().out
+
+
 def test_command_names_what_is_wrong(folder: Path, capsys: Capture) -> None:
     def refused(*images: str, calibration: str = "camera.yaml") -> str:
         paths = [str(folder / image) for image in images]
