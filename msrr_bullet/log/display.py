@@ -109,7 +109,7 @@ class DisplayMessages:
         for name, lens in self._cameras.items():
             yield topics.calibration(name), 0, foxglove.camera_calibration(name, lens)
         units = {
-            name: foxglove.solids_entity(0, name, name, geometry.solids, _shade(i))
+            name: foxglove.solids_entity(0, name, geometry.solids, _shade(i))
             for i, (name, geometry) in enumerate(self._geometries.items())
         }
         yield self._drawn(topics.DRAWN_BODIES, 0, units)
@@ -133,7 +133,7 @@ class DisplayMessages:
         for name in [n for n in self._waiting if 1e9 * self._scene.obstacles[n].appears_at_s <= stamp_ns]:
             spec, X_WB = self._scene.obstacles[name], self._waiting.pop(name)
             yield from self._moved(stamp_ns, name, X_WB)
-            shape = foxglove.solids_entity(stamp_ns, name, name, [spec.solid], foxglove.colour(_OBSTACLE))
+            shape = foxglove.solids_entity(stamp_ns, name, [spec.solid], foxglove.colour(_OBSTACLE))
             yield self._drawn(topics.DRAWN_BODIES, stamp_ns, {name: shape})
 
     def _true_pose(self, topic: str, stamp_ns: int, pose: TruePose) -> Iterator[Display]:
@@ -185,12 +185,11 @@ class DisplayMessages:
         window, tag = foxglove.colour(_WINDOW), foxglove.colour(_DETECTION)
         points, texts, lens = [], [], self._cameras[camera]
         for read in found.windows:
-            points.append(foxglove.loop(at_ns, _outline(read), window)[0])
+            points.append(foxglove.line(at_ns, _outline(read), window, closed=True))
         for detected in found.tags:
             corners = lens.distorted(detected.corners)  # the image is that of the lens, and not the ideal one
-            line, label = foxglove.loop(at_ns, corners, tag, str(detected.tag_id))
-            points.append(line)
-            texts += label
+            points.append(foxglove.line(at_ns, corners, tag, closed=True))
+            texts.append(foxglove.label(at_ns, corners[0], str(detected.tag_id), tag))
         unit = carrier_of(camera)
         if unit is not None:
             points += self._sight_lines(unit, camera, at_ns)
@@ -209,7 +208,7 @@ class DisplayMessages:
             column = ideal.cx - ideal.focal * math.tan(angle)
             upright = np.array([[column, row] for row in np.linspace(0.0, ideal.height - 1.0, 9)])
             seen = upright[lens.shows(upright)]
-            lines.append(foxglove.line(stamp_ns, [(u, v) for u, v in lens.distorted(seen).tolist()], shade))
+            lines.append(foxglove.line(stamp_ns, lens.distorted(seen), shade))
         return lines
 
     def _path(self, topic: str, stamp_ns: int, path: AssemblyPath) -> Iterator[Display]:

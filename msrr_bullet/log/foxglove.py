@@ -6,7 +6,7 @@ Source: https://docs.foxglove.dev/docs/sdk/schemas
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from foxglove.messages import (
@@ -133,37 +133,27 @@ def log_line(event: Event) -> Log:
     )
 
 
-def loop(
-    stamp_ns: int, pixels: Array, shade: Color, text: str = ""
-) -> tuple[PointsAnnotation, list[TextAnnotation]]:
-    """Return a closed line through pixels, shape (N, 2), in an image, with a text at the first one."""
-    points = [Point2(x=u, y=v) for u, v in pixels.tolist()]
-    line = PointsAnnotation(
+def line(stamp_ns: int, pixels: Array, shade: Color, *, closed: bool = False) -> PointsAnnotation:
+    """Return a line through pixels, shape (N, 2), in an image."""
+    return PointsAnnotation(
         timestamp=timestamp(stamp_ns),
-        type=PointsAnnotationType.LineLoop,
-        points=points,
+        type=PointsAnnotationType.LineLoop if closed else PointsAnnotationType.LineStrip,
+        points=[Point2(x=u, y=v) for u, v in pixels.tolist()],
         outline_color=shade,
         thickness=_LINE_PX,
     )
-    label = TextAnnotation(
+
+
+def label(stamp_ns: int, pixel: Array, text: str, shade: Color) -> TextAnnotation:
+    """Return a text at a pixel, shape (2,), in an image."""
+    u, v = pixel.tolist()
+    return TextAnnotation(
         timestamp=timestamp(stamp_ns),
-        position=points[0],
+        position=Point2(x=u, y=v),
         text=text,
         font_size=12.0,
         text_color=shade,
         background_color=colour(0xFFFFFF, 0.6),
-    )
-    return line, [label] if text else []
-
-
-def line(stamp_ns: int, pixels: Sequence[tuple[float, float]], shade: Color) -> PointsAnnotation:
-    """Return an open line through pixels in an image."""
-    return PointsAnnotation(
-        timestamp=timestamp(stamp_ns),
-        type=PointsAnnotationType.LineStrip,
-        points=[Point2(x=u, y=v) for u, v in pixels],
-        outline_color=shade,
-        thickness=_LINE_PX,
     )
 
 
@@ -182,8 +172,8 @@ def line_entity(
     return SceneEntity(timestamp=timestamp(stamp_ns), frame_id=frame, id=name, lines=[line])
 
 
-def solids_entity(stamp_ns: int, name: str, frame: str, solids: Iterable[Solid], shade: Color) -> SceneEntity:
-    """Return bodies that move with ``frame``, of boxes, cylinders and spheres; of a mesh the box about it."""
+def solids_entity(stamp_ns: int, body: str, solids: Iterable[Solid], shade: Color) -> SceneEntity:
+    """Return the shape of a body in its frame: boxes, cylinders, spheres, and of a mesh the box about it."""
     cubes, cylinders, spheres = [], [], []
     for solid in solids:
         X = solid.X_UG
@@ -206,8 +196,8 @@ def solids_entity(stamp_ns: int, name: str, frame: str, solids: Iterable[Solid],
             cubes.append(CubePrimitive(pose=pose(middle), size=_vector((high - low).tolist()), color=shade))
     return SceneEntity(
         timestamp=timestamp(stamp_ns),
-        frame_id=frame,
-        id=name,
+        frame_id=body,
+        id=body,
         frame_locked=True,
         cubes=cubes,
         cylinders=cylinders,
