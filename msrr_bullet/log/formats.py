@@ -50,14 +50,12 @@ class Format:
 
     Attributes:
         kind: Message class.
-        schema_name: Name of the JSON Schema, ``msrr.<class>``.
-        schema: JSON Schema.
+        schema: JSON Schema, whose title is ``msrr.<class>``.
         encode: Conversion of a message to JSON.
         decode: Conversion of JSON to a message.
     """
 
     kind: type
-    schema_name: str
     schema: dict[str, Json]
     encode: Callable[[Any], Json]
     decode: Callable[[Json], Any]
@@ -66,9 +64,7 @@ class Format:
 def _plain(kind: type) -> Format:
     own = codec(kind)
     assert own.schema is not None, "a message is an object, which every schema can tell"
-    return Format(
-        kind, f"msrr.{log_name(kind)}", own.schema, own.encode, lambda value: own.decode(_exact(value))
-    )
+    return Format(kind, own.schema, own.encode, lambda value: own.decode(_exact(value)))
 
 
 def _exact(value: Json) -> Json:
@@ -116,7 +112,6 @@ _FORMATS: dict[type, Format] = {
         *map(_plain, (PoseEstimate, GlobalPose, ObstacleEstimate, TruePose, FrameLinks, Event)),
         Format(
             CameraWindow,
-            "msrr.CameraWindow",
             {
                 "title": "msrr.CameraWindow",
                 "type": "object",

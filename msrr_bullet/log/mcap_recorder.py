@@ -68,8 +68,8 @@ class _Entry:
 @cache
 def _exact_kind(name: str) -> ChannelKind:
     """Return the channels of an exact message: JSON, with the name of its class in logs."""
-    known = format_named(name)
-    return ChannelKind(known.schema_name, "jsonschema", to_bytes(known.schema), "json", (("type", name),))
+    schema = format_named(name).schema
+    return ChannelKind(schema["title"], "jsonschema", to_bytes(schema), "json", (("type", name),))
 
 
 @cache

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
-from json import JSONDecodeError, loads
+from json import loads
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
@@ -67,7 +67,7 @@ class LogRecord:
         try:
             value = loads(self.data)
             return self.format.decode(value) if self.frame is None else window_in(value, self.frame)
-        except (AttributeError, LookupError, TypeError, ValueError, JSONDecodeError) as error:
+        except (AttributeError, LookupError, TypeError, ValueError) as error:
             raise LogError(
                 f"message {self.sequence} on {self.topic} is not a {self.kind.__name__}: {error!r}"
             ) from error

@@ -140,7 +140,7 @@ def test_an_unknown_message_type_is_refused() -> None:
 
 def test_renamed_classes_keep_their_names_in_logs() -> None:
     for name in ("Situation", "Clearance"):
-        assert format_named(name).schema_name == f"msrr.{name}"
+        assert format_named(name).schema["title"] == f"msrr.{name}"
 
 
 def test_a_window_of_an_old_log_holds_its_own_pixels(bits: Callable[[object], object]) -> None:
