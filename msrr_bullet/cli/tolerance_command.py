@@ -145,14 +145,7 @@ def _report(console: Console, study: ToleranceStudy) -> None:
     for column in ("1 sigma", "docks to, and no longer", "of tolerated", "adds [mm]"):
         first.add_column(column)
     for contribution in found[:_SHOWN]:
-        effect = contribution.effect
-        first.add_row(
-            effect.name,
-            wording.with_unit(effect.step, effect),
-            wording.limit(effect),
-            wording.percent(contribution.used_share),
-            f"{contribution.lateral_mm:.2f}",
-        )
+        first.add_row(*wording.first_cells(contribution)[:-1])  # a terminal has no room for the last one
     for table in (together, first):
         if table.row_count:
             console.print(table)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from msrr_bullet.statistics import Quantiles, Rate, quantile, quantiles, wilson
-from msrr_bullet.studies.measures import OBSTACLE_MEASURES, PhaseName, measure
+from msrr_bullet.studies.measures import MEASURES, OBSTACLE_MEASURES, Measure, PhaseName, measure
 from msrr_bullet.studies.result_part import ResultPart
 from msrr_bullet.studies.series import Figure6, Panels
 from msrr_scenes.arrays import Array
@@ -123,6 +123,11 @@ class Table(ResultPart):
     def row(self, label: str) -> Row | None:
         """Return the row of a controller; None if the table does not have it."""
         return next((r for r in self.rows if r.label == label), None)
+
+    @property
+    def measures(self) -> list[Measure]:
+        """The measures of the phase that any row has."""
+        return [m for m in MEASURES[self.phase] if any(m.key in row.measures for row in self.rows)]
 
 
 class MapCell(ResultPart):

@@ -15,7 +15,6 @@ from msrr_bullet.reproduce.report.formatting import format_quantiles
 from msrr_bullet.reproduce.report.gain_delay_findings import DOCKS, map_text
 from msrr_bullet.reproduce.report.ranking import COLUMNS, default_controller_text, ranking
 from msrr_bullet.studies.labels import C2, C2_NOTE
-from msrr_bullet.studies.measures import MEASURES, Measure
 from msrr_bullet.studies.model import Reproduction, Table
 
 
@@ -44,7 +43,6 @@ def write_report(results: Reproduction, figures: Mapping[str, Path], path: Path)
     )
     environment.globals.update(
         format_quantiles=format_quantiles,
-        measures_of=_measures_of,
         pictures=pictures,
         success_text=success_text,
         strip_title=strip_title,
@@ -69,8 +67,3 @@ def write_report(results: Reproduction, figures: Mapping[str, Path], path: Path)
 def strip_title(table: Table) -> str:
     """Return the title of the figure that belongs to a table."""
     return f"Strips, {table.plant}, {table.phase}, {table.setting}"
-
-
-def _measures_of(table: Table) -> list[Measure]:
-    """Return the measures that any row of the table has."""
-    return [m for m in MEASURES[table.phase] if any(m.key in r.measures for r in table.rows)]

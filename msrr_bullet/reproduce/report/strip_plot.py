@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from msrr_bullet.figures.style import FAINT, PAPER, SMALL, controller_style, new_figure, save, styled
 from msrr_bullet.statistics import Rate
-from msrr_bullet.studies.measures import MEASURES, Measure
+from msrr_bullet.studies.measures import Measure
 from msrr_bullet.studies.model import Row, Table
 from msrr_bullet.studies.settings import STANDARD
 from msrr_scenes.random_streams import stream
@@ -22,7 +22,7 @@ _MAX_DOTS = 200
 
 def draw_strips(table: Table, path: Path) -> Path:
     """Draw every measure of a table; in the close phase also the rates of docking and of views kept."""
-    shown = [m for m in MEASURES[table.phase] if any(m.key in r.measures for r in table.rows)]
+    shown = table.measures
     shares = any(r.in_view is not None for r in table.rows)
     # The targets are those of unicycles under the standard setting.
     has_targets = table.plant == "unicycle" and table.setting == STANDARD.name
