@@ -54,6 +54,11 @@ class DrawingContext:
     seed: int | None
     _targets: dict[DockStep, TargetModel] = field(default_factory=dict, init=False, repr=False)
 
+    @property
+    def origin(self) -> str:
+        """Name of the scene, and the seed of the run or that it is a recording, in words."""
+        return f"{self.scene.name}, {'recording' if self.seed is None else f'seed {self.seed}'}"
+
     @cached_property
     def built(self) -> AsBuilt:
         """What was not as the scene says; of a recording nobody knows."""
@@ -154,8 +159,7 @@ def annotate(
     """Return a drawn frame with three title lines: scene and time, phase, detections and details."""
     time, exposure = f"{seconds(view.stamp_ns):.2f} s", view.exposure
     number = f"frame {exposure.frame}" if exposure.frame >= 0 else "not looking"
-    origin = "recording" if context.seed is None else f"seed {context.seed}"
-    first = f"{context.scene.name}, {origin}    {exposure.camera}, {number}    {time}"
+    first = f"{context.origin}    {exposure.camera}, {number}    {time}"
     of_mission = snapshot.mission is not None and exposure.camera == OVERHEAD
     second = state_text(context, snapshot if of_mission else replace(snapshot, mission=None))
     caption = f"{time}, {exposure.camera}"

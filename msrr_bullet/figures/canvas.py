@@ -111,15 +111,15 @@ class Canvas:
             if c is not None:
                 cv2.circle(self.image, (x, y), round(r * 2**_SHIFT), bgr(c), cv2.FILLED, cv2.LINE_AA, _SHIFT)
 
-    def arrow(self, a: Array, b: Array, colour: int, width: int, halo: int | None = None) -> None:
+    def arrow(self, a: Array, b: Array, colour: int, halo: int | None = None) -> None:
         """Draw an arrow from point a (2,) to b, with a head of :data:`HEAD` pixels of the enlarged image."""
         length = float(np.linalg.norm(b - a))
         if not np.isfinite(length) or length == 0.0:
             return
         along = HEAD / self.zoom * (b - a) / length
         across = 0.4 * np.array([-along[1], along[0]])
-        self.line([a, b - along], colour, width, halo=halo)
-        self.line([b - along + across, b, b - along - across], colour, width, closed=True, halo=halo)
+        self.line([a, b - along], colour, 2, halo=halo)
+        self.line([b - along + across, b, b - along - across], colour, 2, closed=True, halo=halo)
         self.fill(np.array([b - along + across, b, b - along - across]), colour)
 
     def text(

@@ -30,8 +30,8 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-#: Limits of the linear range of logarithmic scales for lateral offset [mm], heading [deg] and clearance [m].
-LINEAR_MM, LINEAR_DEG, LINEAR_M = 1.0, 1.0, 0.1
+#: Limits of the linear range of logarithmic scales: lateral offset [mm] and heading [deg], and clearance [m].
+LINEAR, LINEAR_M = 1.0, 0.1
 #: Values that a logarithmic scale of the clearance names [m]: powers of ten alone would name none above 0.1.
 _CLEARANCE_TICKS_M = (0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 #: Smallest duration of a phase whose name is written, as a fraction of the trial.
@@ -41,14 +41,14 @@ MIN_NAMED_FRACTION = 0.06
 def lateral(axes: Axes, series: TrialSeries) -> None:
     """Draw the lateral offset of the port from the axis of the dock frame."""
     _truth_and_belief(axes, series, 1, 1e3, "lateral [mm]")
-    _use_log_scale(axes, series, LINEAR_MM)
+    _use_log_scale(axes, series)
     axes.legend(loc="best", fontsize=8)
 
 
 def yaw(axes: Axes, series: TrialSeries) -> None:
     """Draw the heading in the dock frame, as continuous lines also where it passes 180 deg."""
     _truth_and_belief(axes, series, 2, math.degrees(1.0), "yaw [deg]", series.headings())
-    _use_log_scale(axes, series, LINEAR_DEG)
+    _use_log_scale(axes, series)
 
 
 def gap(axes: Axes, series: TrialSeries) -> None:
@@ -56,10 +56,10 @@ def gap(axes: Axes, series: TrialSeries) -> None:
     _truth_and_belief(axes, series, 0, 1.0, "gap to the port [m]")
 
 
-def _use_log_scale(axes: Axes, series: TrialSeries, linear_range: float) -> None:
+def _use_log_scale(axes: Axes, series: TrialSeries) -> None:
     """Show both decimetres at the start of a long approach and tenths of a millimetre at the port."""
     if series.follows_path:
-        axes.set_yscale("symlog", linthresh=linear_range, linscale=1.0)
+        axes.set_yscale("symlog", linthresh=LINEAR, linscale=1.0)
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
 
 

@@ -66,18 +66,8 @@ class FrameAnnotator:
         """Annotate a frame."""
         return draw_view(self.context, view, self.trial)
 
-    def draw_without_pixels(self, camera: str, stamp_ns: int) -> AnnotatedFrame:
-        """Annotate a frame that a camera did not take, drawn from truth alone.
-
-        Args:
-            camera: Name of the camera.
-            stamp_ns: Time of the frame.
-        """
-        exposure = Exposure(camera, -1, stamp_ns)
-        return self.draw(CameraView(exposure, camera_lenses(self.context.scene)[camera]))
-
     def draw_latest(self, camera: str, latest: CameraView | None, now_ns: int) -> AnnotatedFrame:
-        """Annotate the last frame of a camera, or its view without pixels when the next frame is overdue.
+        """Annotate the last frame of a camera; when the next is overdue, its view drawn from truth alone.
 
         Args:
             camera: Name of the camera.
@@ -87,7 +77,7 @@ class FrameAnnotator:
         cameras = self.context.scene.cameras
         spec = cameras.overhead if camera == OVERHEAD and cameras.overhead is not None else cameras.onboard
         if latest is None or now_ns - latest.stamp_ns > 1.5 * NS_PER_S / spec.rate_hz:
-            return self.draw_without_pixels(camera, now_ns)
+            latest = CameraView(Exposure(camera, -1, now_ns), camera_lenses(self.context.scene)[camera])
         return self.draw(latest)
 
     def onboard_at(self, stamp_ns: int) -> str:

@@ -14,7 +14,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from msrr_bullet.collision.footprint import unit_parts
 from msrr_bullet.figures.drawing import draw_body, halo
-from msrr_bullet.timeline.mission_snapshot import Activity
+from msrr_bullet.timeline.mission_snapshot import Activity, MissionSnapshot
 from msrr_bullet.timeline.palette import ALARM, BLACK, DARK, css, unit_colours
 from msrr_bullet.timeline.routes import Routes
 from msrr_bullet.timeline.snapshot import Snapshot
@@ -52,10 +52,8 @@ def draw_mission_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) -
         moved = not _same_place(first.units[unit], last.units[unit])
         if moved:
             _write(axes, first.units[unit], unit, css(colour), 9)
-        failed = last.mission is not None and last.mission.activity(unit) is Activity.FAILED
-        _write(
-            axes, last.units[unit], f"{unit} failed" if failed else unit, css(ALARM if failed else BLACK), 10
-        )
+        text, ink = name_of(unit, last.mission)
+        _write(axes, last.units[unit], text, css(ink), 10)
     below = ScaledTranslation(0.0, -_LABELS_PT / 72.0, axes.figure.dpi_scale_trans)
     axes.legend(  # below the axes and their labels: units may start anywhere in them
         handles=_legend(never_granted, bool(pairs), waits),
@@ -66,6 +64,13 @@ def draw_mission_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) -
         fontsize=7,
         ncols=3,
     )
+
+
+def name_of(unit: str, mission: MissionSnapshot | None) -> tuple[str, int]:
+    """Return the name of a unit as drawings show it, and its colour; that of one that failed says so."""
+    if mission is not None and mission.activity(unit) is Activity.FAILED:
+        return f"{unit} failed", ALARM
+    return unit, BLACK
 
 
 def driven_way(snapshots: Sequence[Snapshot], unit: str) -> Array:

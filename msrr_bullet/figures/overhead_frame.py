@@ -16,11 +16,11 @@ from msrr_bullet.figures.annotation import (
     draw_frame,
 )
 from msrr_bullet.figures.canvas import PAPER, Key
-from msrr_bullet.figures.mission_view import docked_pairs, driven_way
+from msrr_bullet.figures.mission_view import docked_pairs, driven_way, name_of
 from msrr_bullet.figures.perspective import Perspective, on_floor
 from msrr_bullet.figures.schematic import Drawing, ring
 from msrr_bullet.timeline.camera_views import CameraView
-from msrr_bullet.timeline.mission_snapshot import Activity, MissionSnapshot
+from msrr_bullet.timeline.mission_snapshot import MissionSnapshot
 from msrr_bullet.timeline.palette import ALARM, BELIEF, BLACK, CLEARANCE, DARK, PATH, PLAN, SIGHT, SIGHT_RANGE
 from msrr_bullet.timeline.snapshot import Snapshot, step_histories
 from msrr_scenes.geometry.se2 import SE2
@@ -121,9 +121,8 @@ def _draw_mission(
         X_WU = snapshot.units[unit]
         draw_outline(drawing, context, unit, X_WU, colour, 2)
         middle = drawing.perspective.pixels(on_floor(X_WU.translation, context.top_tags_m))[0]
-        failed = mission.activity(unit) is Activity.FAILED
         below = drawing.perspective.hull(SE3.from_se2(X_WU).act(context.solids[unit].points))[:, 1].max()
-        text, ink = (f"{unit} failed", ALARM) if failed else (unit, BLACK)
+        text, ink = name_of(unit, mission)
         drawing.canvas.text([middle[0], below + 28.0 / drawing.canvas.zoom], text, ink, scale=NAME_SCALE)
 
 
@@ -152,7 +151,7 @@ def draw_links(
         if other is not None:
             ends = on_floor([X_WU.translation, snapshot.units[other].translation], context.top_tags_m)
             start, end = drawing.perspective.pixels(ends)
-            drawing.canvas.arrow(start, end, ALARM, 2, halo=PAPER)
+            drawing.canvas.arrow(start, end, ALARM, halo=PAPER)
 
 
 def draw_outline(

@@ -10,7 +10,7 @@ import numpy as np
 from msrr_bullet.figures.annotation import AnnotatedFrame, DrawingContext, state_text
 from msrr_bullet.figures.body_renderer import BodyRenderer
 from msrr_bullet.figures.canvas import PAPER, Canvas, Key
-from msrr_bullet.figures.mission_view import STEP_M
+from msrr_bullet.figures.mission_view import STEP_M, name_of
 from msrr_bullet.figures.overhead_frame import (
     NAME_SCALE,
     draw_links,
@@ -22,7 +22,6 @@ from msrr_bullet.figures.overhead_frame import (
 from msrr_bullet.figures.perspective import Perspective, Solids, on_floor
 from msrr_bullet.figures.schematic import Drawing, draw_floor, ring
 from msrr_bullet.timeline.interpolation import SnapshotInterpolator
-from msrr_bullet.timeline.mission_snapshot import Activity
 from msrr_bullet.timeline.palette import (
     ALARM,
     BELIEF,
@@ -135,8 +134,7 @@ class SceneView:
             draw_links(drawing, context, snapshot, snapshot.mission)
         for unit, X_WU in snapshot.shown.items():
             self._write_name(canvas, snapshot, unit, X_WU)
-        origin = "recording" if context.seed is None else f"seed {context.seed}"
-        title = f"{context.scene.name}, {origin}    {seconds(stamp_ns):.2f} s"
+        title = f"{context.origin}    {seconds(stamp_ns):.2f} s"
         lines = title, state_text(context, snapshot)
         return AnnotatedFrame(canvas.image, lines, title, self.legend_of(context))
 
@@ -177,9 +175,7 @@ class SceneView:
     def _write_name(self, canvas: Canvas, snapshot: Snapshot, unit: str, X_WU: SE2) -> None:
         """Write the name of a unit above its body."""
         top = on_floor(X_WU.translation, self._heights[unit] + NAME_GAP)
-        mission = snapshot.mission
-        failed = mission is not None and mission.activity(unit) is Activity.FAILED
-        text, ink = (f"{unit} failed", ALARM) if failed else (unit, BLACK)
+        text, ink = name_of(unit, snapshot.mission)
         canvas.text(self.perspective.pixels(top)[0], text, ink, halo=PAPER, scale=NAME_SCALE)
 
 

@@ -169,8 +169,8 @@ def _detections(log: Log) -> Iterator[Detections]:
             yield record.message.detections
 
 
-def docking_views(log: Log, count: int = 3) -> tuple[CameraView, ...]:
-    """Return at most ``count`` frames of the onboard camera in which a tag was detected, evenly spaced.
+def docking_views(log: Log) -> tuple[CameraView, ...]:
+    """Return at most three frames of the onboard camera in which a tag was detected, evenly spaced.
 
     The first is the first such frame of the trial, the last is the last one of the docking phase.
     """
@@ -180,7 +180,7 @@ def docking_views(log: Log, count: int = 3) -> tuple[CameraView, ...]:
         for _, d in log.messages(Detections, "/perception/*")
         if d.tags and d.exposure.camera != OVERHEAD and (not docking or d.exposure.stamp_ns <= docking[-1])
     ]
-    return tuple(read_camera_views(log, evenly_spaced(detected, count)))
+    return tuple(read_camera_views(log, evenly_spaced(detected, 3)))
 
 
 def evenly_spaced(exposures: Sequence[Exposure], count: int) -> list[Exposure]:

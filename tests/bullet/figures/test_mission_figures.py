@@ -205,12 +205,12 @@ def test_a_way_leaves_out_points_that_lie_together(mission_run):
 
 def test_an_arrow_ends_at_its_point_and_a_table_keeps_its_width(count_pixels):
     canvas = Canvas(100, 60, 2)
-    canvas.arrow(np.array([10.0, 30.0]), np.array([80.0, 30.0]), palette.ALARM, 2)
+    canvas.arrow(np.array([10.0, 30.0]), np.array([80.0, 30.0]), palette.ALARM)
     ys, xs = np.nonzero((canvas.image != 255).any(axis=2))
     assert abs(xs.max() / 2 - 80.0) < 2.0
     assert abs(xs.min() / 2 - 10.0) < 2.0
     assert ys[xs > 140].max() - ys[xs > 140].min() > 5  # the head is wider than the shaft
-    canvas.arrow(np.array([10.0, 30.0]), np.array([10.0, 30.0]), palette.ALARM, 2)  # has no direction
+    canvas.arrow(np.array([10.0, 30.0]), np.array([10.0, 30.0]), palette.ALARM)  # has no direction
     image = table([(palette.BLUE, ("a", "a text that does not fit" * 9)), (palette.GREEN, ("b", ""))], 300)
     assert image.shape[1] == 300
     assert count_pixels(image, palette.BLUE, 2) > 50 < count_pixels(image, palette.GREEN, 2)

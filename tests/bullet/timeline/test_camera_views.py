@@ -75,7 +75,7 @@ def test_views_are_those_of_the_exposures_asked_for(short_log):
 
 
 def test_docking_views_are_onboard_frames_with_tags(short_log):
-    views = docking_views(short_log, 3)
+    views = docking_views(short_log)
     assert len(views) == 3
     assert all(view.tags and view.exposure.camera == "a/onboard" for view in views)
 
