@@ -22,6 +22,7 @@ from msrr_bullet.log.frames import FRAMES_OF, LoggedFrame
 from msrr_bullet.log.header import LIBRARY, METADATA, LogHeader
 from msrr_bullet.log.mcap_records import mcap_records
 from msrr_bullet.log.records import CameraWindow
+from msrr_scenes.errors import UnknownNameError
 
 T = TypeVar("T")
 
@@ -37,6 +38,7 @@ class LogRecord:
     """One message of a log.
 
     Attributes:
+        log: MCAP file that holds it, for messages to the user.
         topic: Topic of the message.
         stamp_ns: Simulated time at which the message was sent or arrived.
         sequence: Position in the log, counted from 0 over all topics.
@@ -45,6 +47,7 @@ class LogRecord:
         frame: The frame that holds the pixels of a window; None for all else.
     """
 
+    log: Path
     topic: str
     stamp_ns: int
     sequence: int
@@ -62,15 +65,16 @@ class LogRecord:
         """Decoded message.
 
         Raises:
-            LogError: The text is not a message of this class.
+            LogError: The text is not a message of this class, or its pixels are not in the frame.
         """
+        place = f"{self.log}: message {self.sequence} on {self.topic}"
         try:
             value = loads(self.data)
             return self.format.decode(value) if self.frame is None else window_in(value, self.frame)
         except (AttributeError, LookupError, TypeError, ValueError) as error:
-            raise LogError(
-                f"message {self.sequence} on {self.topic} is not a {self.kind.__name__}: {error!r}"
-            ) from error
+            raise LogError(f"{place} is not a {self.kind.__name__}: {error!r}") from error
+        except LogError as error:
+            raise LogError(f"{place}: {error}") from error
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +166,7 @@ class Log:
         topic_and_format: dict[int, tuple[str, Format | None]] = {}  # of the channels that are read
         for record in mcap_records(self.path, self.complete, topic_and_format):
             if isinstance(record, Channel):
-                message_format, camera = _format_of(record, patterns), record.metadata.get(FRAMES_OF)
+                message_format, camera = self._format_of(record, patterns), record.metadata.get(FRAMES_OF)
                 if message_format is not None:
                     topic_and_format[record.id] = record.topic, message_format
                 elif camera is not None:
@@ -172,7 +176,20 @@ class Log:
                 if message_format is None:
                     yield _Frame(name, record.log_time, record.data)
                 else:
-                    yield LogRecord(name, record.log_time, record.sequence, record.data, message_format)
+                    own = record.log_time, record.sequence, record.data, message_format
+                    yield LogRecord(self.path, name, *own)
+
+    def _format_of(self, channel: Channel, patterns: tuple[str, ...]) -> Format | None:
+        """Return the format of an exact message on a topic that matches the patterns; None for all else."""
+        kind = channel.metadata.get("type")
+        if kind is None or (patterns and not any(fnmatchcase(channel.topic, p) for p in patterns)):
+            return None
+        try:
+            return format_named(kind)
+        except UnknownNameError as error:
+            raise LogError(
+                f"{self.path}: {channel.topic}: {error} Another version wrote it, and reads it"
+            ) from error
 
     def messages(self, kind: type[T], *patterns: str) -> Iterator[tuple[int, T]]:
         """Iterate over (stamp, message) of all messages of one class, on topics that match the patterns."""
@@ -251,11 +268,3 @@ def unpacked_log(path: str | Path) -> Iterator[Log]:
     log = read_log(path)
     with TemporaryDirectory(prefix="msrr-log-") as folder:
         yield replace(log, header=log.header.unpacked(Path(folder)))
-
-
-def _format_of(channel: Channel, patterns: tuple[str, ...]) -> Format | None:
-    """Return the format of an exact message on a topic that matches the patterns; None for all else."""
-    kind = channel.metadata.get("type")
-    if kind is None or (patterns and not any(fnmatchcase(channel.topic, p) for p in patterns)):
-        return None
-    return format_named(kind)

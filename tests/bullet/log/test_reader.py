@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,11 @@ from msrr_bullet.log import LogError, LogHeader, MemoryRecorder, read_log, topic
 from msrr_bullet.log.codec import log_name
 from msrr_bullet.log.formats import format_named
 from msrr_bullet.log.frame_tree import scene_frames
+from msrr_bullet.log.frames import LoggedFrame
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.reader import LogRecord
 from msrr_bullet.log.records import StartPoses
+from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Exposure, GlobalPose, PoseMeasurement, WheelOdometry
 
@@ -135,6 +138,26 @@ def test_parametric_measurements_keep_their_missing_edges(tmp_path: Path, header
     ],
 )
 def test_a_message_whose_values_have_other_types_is_named(kind: type, text: bytes) -> None:
-    record = LogRecord("/truth/start", 0, 3, text, format_named(log_name(kind)))
-    with pytest.raises(LogError, match=f"message 3 on /truth/start is not a {kind.__name__}: "):
+    record = LogRecord(Path("t.mcap"), "/truth/start", 0, 3, text, format_named(log_name(kind)))
+    with pytest.raises(LogError, match=rf"^t\.mcap: message 3 on /truth/start is not a {kind.__name__}: "):
         _ = record.message
+
+
+def test_what_another_version_knows_and_a_damaged_frame_are_told_with_the_file(
+    tmp_path: Path, header: LogHeader, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with McapRecorder(tmp_path / "t.mcap", header) as recorder:
+        exposure = Exposure("a/onboard", 0, 0)
+        recorder.write(topics.exposure("a/onboard"), 0, exposure)
+        recorder.window(exposure, Window(0, 0, 2, 2), np.ones((2, 2), dtype=np.uint8))
+    log = read_log(tmp_path / "t.mcap")
+    (window,) = log.records("/camera/*/window")
+    with pytest.raises(
+        LogError, match=r"t\.mcap: message \d+ on /camera/a/onboard/window: .* not a PNG file"
+    ):
+        _ = replace(window, frame=LoggedFrame(b"no picture")).message
+    monkeypatch.setattr("msrr_bullet.log.formats._BY_NAME", {})
+    with pytest.raises(
+        LogError, match=r"t\.mcap: /camera/a/onboard/window: unknown message type 'CameraWindow'"
+    ):
+        list(log.records("/camera/*/window"))
