@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import _thread
+import errno
 import os
 import signal
 import sys
@@ -131,7 +132,8 @@ def os_error_text(error: OSError) -> str:
     """Return an error of the operating system as other messages are: first the place, without its number."""
     if error.strerror is None:
         return str(error)
-    return error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
+    text = error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
+    return f"{text}; make room, or name another place" if error.errno == errno.ENOSPC else text
 
 
 def report_error(message: str, code: int) -> int:

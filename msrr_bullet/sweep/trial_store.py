@@ -133,7 +133,7 @@ class TrialStore:
             with self._db:  # one transaction
                 return [self._add(other) for other in others]
         except _ERRORS as error:
-            raise StoreError(f"{self._path}: cannot be written: {error}") from None
+            raise self._unwritten(error) from None
 
     def _add(self, other: Path) -> tuple[int, int]:
         with TrialStore(other) as source:
@@ -172,15 +172,19 @@ class TrialStore:
             )
         return result
 
+    def _unwritten(self, error: Exception) -> StoreError:
+        text = f"cannot be written ({error}); make room, end what else uses it, or name another store"
+        return StoreError(f"{self._path}: {text}")
+
     def _rows(self, query: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
         try:
             return self._db.execute(query, values).fetchall()
         except _ERRORS as error:
-            raise StoreError(f"{self._path}: cannot be read: {error}") from None
+            raise StoreError(f"{self._path}: cannot be read ({error}); name another store") from None
 
     def _write(self, statement: str, row: tuple[object, ...]) -> None:
         try:
             with self._db:
                 self._db.execute(statement, row)
         except _ERRORS as error:
-            raise StoreError(f"{self._path}: cannot be written: {error}") from None
+            raise self._unwritten(error) from None

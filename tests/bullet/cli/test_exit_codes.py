@@ -198,7 +198,10 @@ def test_what_there_is_no_room_for_on_standard_output_is_one_message(arguments: 
             stderr=subprocess.PIPE,
             text=True,
         )
-    assert (done.returncode, done.stderr) == (2, "msrr: No space left on device\n")
+    assert (done.returncode, done.stderr) == (
+        2,
+        f"msrr: {os.strerror(errno.ENOSPC)}; make room, or name another place\n",
+    )
 
 
 def test_a_reader_that_goes_away_is_no_error() -> None:

@@ -3,6 +3,7 @@
 import sqlite3
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 from threading import Barrier
 from typing import Any
@@ -247,6 +248,20 @@ def test_a_place_that_cannot_hold_a_store_is_named_with_the_mend(tmp_path: Path)
             TrialStore(tmp_path / place)
         said = f"{tmp_path / place}: cannot be opened as a store of trials ({reason}); name another file"
         assert str(caught.value) == said
+
+
+def test_a_store_that_another_program_holds_is_named_with_the_mend(
+    scene: Scene, made_up: TrialFunction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    connect = sqlite3.connect
+    monkeypatch.setattr(sqlite3, "connect", lambda path, timeout: connect(path, timeout=0.01))
+    path = tmp_path / "trials.sqlite"
+    with TrialStore(path) as store, closing(connect(path)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(
+            StoreError, match=r"cannot be written \(database is locked\); make room, end what"
+        ):
+            store.put(made_up(scene, 0), "code")
 
 
 def test_a_full_disk_is_one_error(
