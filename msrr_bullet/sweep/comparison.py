@@ -284,4 +284,6 @@ def _number(row: dict[str, str], column: str, place: str) -> float | None:
         value = float(row[column] or math.nan)
     except ValueError:
         raise SceneError(f"{place}: {column} is {row[column]!r}, which is no number") from None
+    if math.isinf(value):
+        raise SceneError(f"{place}: {column} is {row[column]!r}, which no trial has")
     return None if math.isnan(value) else value

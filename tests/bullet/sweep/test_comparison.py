@@ -208,6 +208,10 @@ def test_what_else_the_sweeps_do_not_share_is_told(
     [
         (lambda text: text.replace("attempts", "tries"), r"b.csv: no column attempts; .* msrr sweep --csv"),
         (lambda text: text.replace("0.3,", "high,"), r"b.csv, line 2: min_clearance_m is 'high'"),
+        (
+            lambda text: text.replace("0.3,", "inf,"),
+            r"b.csv, line 2: min_clearance_m is 'inf', which no trial",
+        ),
         (lambda text: text + text.split("\n", 1)[1], r"b.csv, line 4: step 0 of seed 0 a second time"),
         (
             lambda text: (
