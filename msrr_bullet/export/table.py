@@ -15,6 +15,9 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, Exposure, ExposureCounts, Phase
 
+#: What is written for control characters, of which lines and tabs are none.
+_ESCAPES = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\n\t"}
+
 Cell = str | int | float | bool | Enum | None
 Row = Sequence[Cell]
 
@@ -86,8 +89,8 @@ def columns(**about: str) -> tuple[Column, ...]:
 
 def time(stamp_ns: int) -> str:
     """Return a time [s] as text, exact to the nanosecond."""
-    whole, rest = divmod(stamp_ns, NS_PER_S)
-    return f"{whole}.{rest:09d}"
+    whole, rest = divmod(abs(stamp_ns), NS_PER_S)
+    return f"{'-' if stamp_ns < 0 else ''}{whole}.{rest:09d}"
 
 
 def unit(record: LogRecord) -> Row:
@@ -116,7 +119,10 @@ def exposure_cells(counts: ExposureCounts | None) -> Row:
 
 
 def text(cell: Cell) -> str:
-    """Return a cell as text. Numbers read back to the same bit; None and NaN are empty."""
+    r"""Return a cell as text. Numbers read back to the same bit; None and NaN are empty.
+
+    Control characters, which programs that read CSV refuse, and terminals obey, are written as ``\x1b``.
+    """
     if cell is None:
         return ""
     if isinstance(cell, Enum):
@@ -125,4 +131,4 @@ def text(cell: Cell) -> str:
         return str(int(cell))
     if isinstance(cell, float):
         return "" if math.isnan(cell) else repr(float(cell))
-    return str(cell)
+    return str(cell).translate(_ESCAPES)
