@@ -251,4 +251,5 @@ def sigma_of(estimate: PoseEstimate) -> Sigma:
     """Return the standard deviations of an estimate."""
     (xx, xy, _), (_, yy, _), (_, _, turn) = estimate.covariance.tolist()
     largest = 0.5 * (xx + yy) + math.hypot(0.5 * (xx - yy), xy)
-    return Sigma(position_m=math.sqrt(largest), yaw_rad=math.sqrt(turn))
+    # A variance may be negative by rounding.
+    return Sigma(position_m=math.sqrt(max(largest, 0.0)), yaw_rad=math.sqrt(max(turn, 0.0)))

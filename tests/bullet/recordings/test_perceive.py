@@ -18,6 +18,7 @@ from msrr_bullet.cli.app import run
 from msrr_bullet.log import read_log
 from msrr_bullet.recordings.perceiver import Instant
 from msrr_bullet.recordings.recording import RecordingError
+from msrr_bullet.recordings.result import sigma_of
 from msrr_bullet.recordings.run import Options, perceive
 from msrr_bullet.recordings.wheels import ODOMETRY, WheelReader
 from msrr_scenes.errors import MsrrError
@@ -273,3 +274,9 @@ def test_a_recording_is_not_replaced_by_what_is_made_of_it(trial: Trial) -> None
         with pytest.raises(MsrrError, match="the recording is read from there; choose another --out"):
             perceive(path, trial.target, out=trial.folder)
     assert {f.name: f.stat().st_size for f in trial.folder.iterdir()} == before
+
+
+def test_a_variance_that_is_negative_by_rounding_is_no_deviation() -> None:
+    """The check of an estimator of a user's own lets it pass; its root was a traceback."""
+    sigma = sigma_of(PoseEstimate(0, SE2(), np.diag([0.04, 0.01, -1e-19]), 0))
+    assert (sigma.position_m, sigma.yaw_rad) == (pytest.approx(0.2), 0.0)
