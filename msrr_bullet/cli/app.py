@@ -8,6 +8,7 @@ from __future__ import annotations
 import gc
 import json
 import os
+import re
 import signal
 import sys
 from collections.abc import Iterator, Sequence
@@ -86,6 +87,9 @@ def program() -> TyperGroup:
 
 def run(arguments: Sequence[str]) -> int:
     """Run the command line and return its exit code."""
+    # An empty path would be the current folder; a shell gives one for a variable that is not set.
+    if any(re.fullmatch("(--[a-z-]+=)?", argument) for argument in arguments):
+        return report_error("an argument is empty; give it a value, or leave the option out", BAD_INPUT)
     try:
         program()(list(arguments), prog_name="msrr")
     except SystemExit as end:
