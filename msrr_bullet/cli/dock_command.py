@@ -73,21 +73,24 @@ def dock(
     with naming_overrides(given), ExitStack() as stack:
         viewer = stack.enter_context(_live_view(loaded, seed, console)) if view else None
         listener = stack.enter_context(_foxglove_server()).publish if foxglove else None
-        with status_line(console, f"{loaded.name}: building the world") as show:
+        try:
+            with status_line(console, f"{loaded.name}: building the world") as show:
 
-            def show_progress(progress: Progress) -> None:
-                show(_progress_line(progress))
+                def show_progress(progress: Progress) -> None:
+                    show(_progress_line(progress))
 
-            result = run_trial(
-                loaded,
-                seed,
-                out=folder,
-                viewer=viewer,
-                observer=show_progress,
-                wall_limit_s=wall_limit,
-                listener=listener,
-            )
-        _report(console, result, folder)
+                result = run_trial(
+                    loaded,
+                    seed,
+                    out=folder,
+                    viewer=viewer,
+                    observer=show_progress,
+                    wall_limit_s=wall_limit,
+                    listener=listener,
+                )
+            _report(console, result, folder)
+        finally:  # also of a trial that was interrupted
+            _name_older_files(folder)
         if (view or foxglove) and sys.stdin.isatty():
             with suppress(EOFError):  # of Ctrl-D
                 console.input("What is shown stays until you press Enter. ")
@@ -135,8 +138,16 @@ def _report(console: Console, result: TrialResult, folder: Path) -> None:
     if result.mission is not None:
         console.print(mission_table(result, result.mission))
     typer.echo(f"{result.outcome.value}, run folder {folder}")
-    derived = FRAMES_NAME, FILM_NAME, PLOT_NAME, TABLES_NAME, RERUN_NAME
-    older = [name for name in derived if (folder / name).exists()]
+
+
+def _name_older_files(folder: Path) -> None:
+    """Name what is older than the log in a run folder, and so was made from another one."""
+    from msrr_bullet.log.reader import LOG_NAME
+
+    log = folder / LOG_NAME
+    derived = [folder / name for name in (FRAMES_NAME, FILM_NAME, PLOT_NAME, TABLES_NAME, RERUN_NAME)]
+    found = [file for file in derived if file.exists() and log.exists()]
+    older = [file.name for file in found if file.stat().st_mtime_ns < log.stat().st_mtime_ns]
     if older:
         typer.echo(f"Made from an earlier run in this folder: {', '.join(older)}")
 

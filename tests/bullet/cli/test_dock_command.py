@@ -72,6 +72,23 @@ def test_dock_names_what_was_made_from_an_earlier_run(
     assert (tmp_path / "run" / "plot.png").read_text() == "of before"
 
 
+def test_an_interrupted_trial_names_what_was_made_from_an_earlier_run(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (folder / "film.mp4").write_text("of before")
+    os.utime(folder / "film.mp4", (0, 0))
+
+    def interrupted(*_: object, out: Path, **__: object) -> None:
+        (out / "trial.mcap").write_bytes(b"")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("msrr_bullet.run.run_trial", interrupted)
+    assert run(["dock", "close_range", "--out", str(folder)]) == 130
+    assert capsys.readouterr().out.endswith("Made from an earlier run in this folder: film.mp4\n")
+
+
 BROKEN = """from msrr_scenes.messages import Twist
 class Law:
     def __init__(self, setup): ...
