@@ -69,6 +69,8 @@ def find_scene(name_or_path: str) -> Path:
         return LIBRARY / f"{name_or_path}.yaml"
     try:
         if path.suffix in (".yaml", ".yml") or len(path.parts) > 1:
+            if path.is_dir():
+                raise SceneError(f"{name_or_path}: a folder; name a scene file in it")
             if not path.is_file():
                 raise SceneError(f"{name_or_path}: no such scene file")
             return path

@@ -226,6 +226,8 @@ def test_other_ways_not_to_be_a_scene(tmp_path: Path, monkeypatch: pytest.Monkey
         load_scene(tmp_path / "binary.yaml")
     with pytest.raises(SceneError, match="no such scene file"):
         load_scene(tmp_path / "missing.yaml")
+    with pytest.raises(SceneError, match="a folder; name a scene file in it"):
+        load_scene(tmp_path)
     with pytest.raises(SceneError, match="more than"):
         load_scene(write(tmp_path, "# " + "x" * 1_000_001))
     with pytest.raises(UnknownNameError, match="did you mean 'close_range'"):
