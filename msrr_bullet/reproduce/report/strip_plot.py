@@ -62,8 +62,10 @@ def _draw_strip(axes: Axes, rows: Sequence[Row], measure: Measure, has_targets: 
     found = [r.measures.get(measure.key) for r in rows]
     finite = [np.array([v for v in f.values if np.isfinite(v)]) for f in found if f is not None]
     high = [measure.scale * float(np.quantile(v, 0.99)) for v in finite if v.size]
-    right = 1.18 * max([*high, *papers], default=1.0) or 1.0
-    axes.set_xlim(0.0, right)
+    right = 1.18 * max([*high, *papers, 0.0]) or 1.0
+    # The clearance of a trial that hit the obstacle is negative.
+    left = min([measure.scale * float(v.min()) for v in finite if v.size] + [0.0])
+    axes.set_xlim(1.05 * left, right)
     for i, (row, measured) in enumerate(zip(rows, found, strict=True)):
         if measured is None or not measured.count:
             axes.text(0.01, i, "no trial has one", transform=axes.get_yaxis_transform(), va="center")
