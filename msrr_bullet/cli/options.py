@@ -122,44 +122,45 @@ def naming_overrides(overrides: Mapping[str, str]) -> Iterator[None]:
         raise SceneError(f"with {given}: {error}") from error
 
 
-def parse_seeds(text: str) -> Sequence[int]:
+def parse_seeds(text: str, option: str = "--seeds") -> Sequence[int]:
     """Parse ``A:B`` into the seeds A .. B - 1, and a comma-separated list into the seeds that it names.
 
     Raises:
         SceneError: The text is neither. One number is refused: it could be a seed or a number of seeds.
     """
     if "," not in text:
-        return parse_seed_range(text)
-    return tuple(dict.fromkeys(_seed(text, part) for part in text.split(",")))
+        return parse_seed_range(text, option)
+    form = "a list of seeds, such as 3,8,15"
+    return tuple(dict.fromkeys(_seed(part, f"{option} {text}", form) for part in text.split(",")))
 
 
-def parse_seed_range(text: str) -> range:
+def parse_seed_range(text: str, option: str = "--seeds") -> range:
     """Parse ``A:B`` into the seeds A .. B - 1.
 
     Raises:
         SceneError: The text is something else, or names too many seeds.
     """
+    given, form = f"{option} {text}", "A:B (seeds A to B - 1), such as 0:100"
     first, colon, last = text.partition(":")
-    start = _seed(text, first)
+    start = _seed(first, given, form)
     if not colon:
         some = f"0:{start} for {counted(start, 'seed')} or " if start > 0 else ""
         one = f"{start}:{start + 1} for seed {start} alone"
-        raise SceneError(f"--seeds {text}: a single number is ambiguous; give {some}{one}")
-    seeds = range(start, _seed(text, last))
+        raise SceneError(f"{given}: a single number is ambiguous; give {some}{one}")
+    seeds = range(start, _seed(last, given, form))
     if not 0 < seeds.stop - start <= MAX_SEEDS:
-        raise SceneError(f"--seeds {text}: expected A:B with A < B and at most {MAX_SEEDS} seeds")
+        raise SceneError(f"{given}: expected A:B with A < B and at most {MAX_SEEDS} seeds")
     return seeds
 
 
-def _seed(text: str, part: str) -> int:
+def _seed(part: str, given: str, form: str) -> int:
+    """Parse one seed of an option that was given, and has to be of a form."""
     try:
         seed = int(part)
     except ValueError:
-        raise SceneError(
-            f"--seeds {text}: expected A:B (seeds A to B - 1), such as 0:100, and not {part!r}"
-        ) from None
+        raise SceneError(f"{given}: expected {form}, and not {part!r}") from None
     if not 0 <= seed <= MAX_SEED:
-        raise SceneError(f"--seeds {text}: a seed is a number from 0 to {MAX_SEED}")
+        raise SceneError(f"{given}: a seed is a number from 0 to {MAX_SEED}")
     return seed
 
 

@@ -76,7 +76,7 @@ def tolerance(
     with naming_overrides(given):
         loaded = load_scene(scene, given)
     folder = out if out is not None else Path("runs") / "tolerance" / loaded.name
-    arguments = {"seeds": parse_seeds(seeds), "grade_seeds": parse_seeds(grade_seeds)}
+    arguments = {"seeds": parse_seeds(seeds), "grade_seeds": parse_seeds(grade_seeds, "--grade-seeds")}
     if len(arguments["seeds"]) < 2:
         raise SceneError(f"--seeds {seeds}: a study needs two seeds or more, one for each sign of an error")
     wanted = _parse_grades(grades)

@@ -176,7 +176,9 @@ def unit_of_curves(snapshots: Iterable[Snapshot], unit: str | None = None) -> st
     units = list(dict.fromkeys(step.unit for snapshot in snapshots for step in snapshot.steps))
     if unit is not None:
         if unit not in units:
-            raise MsrrError(f"unit {unit!r} has no step in this run; units with one: {', '.join(units)}")
+            raise MsrrError(
+                f"unit {unit!r} has no step in this run; units with one: {', '.join(units) or 'none'}"
+            )
         return unit
     return units[0] if any(len(snapshot.steps) > 1 for snapshot in snapshots) else None
 

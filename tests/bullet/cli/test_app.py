@@ -181,6 +181,11 @@ def test_a_place_that_cannot_be_written_is_named_before_the_work(
         (["dok", "close_range"], "dok"),
         (["sweep", "close_range", "--seeds", "4:4"], "A < B"),
         (["sweep", "close_range", "--seeds", "a:b"], "expected A:B"),
+        (
+            ["sweep", "close_range", "--seeds", "0:5,7"],
+            "expected a list of seeds, such as 3,8,15, and not '0:5'",
+        ),
+        (["tolerance", "close_range", "--grade-seeds", "5"], "--grade-seeds 5: a single number is ambiguous"),
         (["sweep", "close_range", "--seeds", "5"], "give 0:5 for 5 seeds or 5:6 for seed 5 alone"),
         (["sweep", "close_range", "--jobs", "0"], "--jobs"),
         (["sweep", "close_range", "--json", "no/such/folder.json"], "not a file in an existing folder"),
