@@ -45,6 +45,7 @@ from msrr_scenes.loading.target_file import read_target, target_scene
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CalibrationSpec
 from msrr_scenes.specs.target import ROBOT, TARGET, RobotSpec, TargetSpec
+from msrr_scenes.whole_files import write_whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +238,7 @@ def _recorder(out: Path, scene: Scene, recording: Recording, lock: ExitStack) ->
 def _write_derived_files(out: Path, result: RecordingResult) -> None:
     """Write what follows from the log; the result comes first, in case a later file cannot be written."""
     try:
-        (out / RESULT_NAME).write_text(result.to_json(), encoding="utf-8")
+        write_whole(out / RESULT_NAME, result.to_json())
         with unpacked_log(out) as log:
             snapshots = read_snapshots(log)
             if not snapshots:
