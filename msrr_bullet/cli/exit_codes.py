@@ -20,8 +20,9 @@ from msrr_scenes.errors import MsrrError
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
 
-#: Exit code of a trial that did not end docked, and of a replay that differs from the log, or whose log ends
-#: early. A command that did what was asked ends with 0, and so does a trial that ended docked.
+#: Exit code of a trial that did not end docked, of a replay that differs from the log, or whose log ends
+#: early, of a benchmark in which a trial costs much more than before, and where the reader of the output has
+#: gone away. A command that did what was asked ends with 0, and so does a trial that ended docked.
 NOT_DOCKED = 1
 
 #: Exit code for wrong arguments, a scene that cannot be used, a file that cannot be read or written, and for
