@@ -69,7 +69,8 @@ def check_time(scene: Scene) -> None:
 
     From the middle of its start a step takes at least the straight way to the place in front of the port at
     cruising speed, from rest and to rest, the way from there to the seat at the speed that the controller
-    promises, and the closing of the lock. A plan of one step may be cut short on purpose.
+    promises, and the closing of the lock. A long-distance phase of a user's own may bring the unit as near to
+    the seat as it likes, as fast as the drive can. A plan of one step may be cut short on purpose.
 
     Raises:
         SceneError: The least times of the steps add up to more than the limit.
@@ -88,8 +89,10 @@ def check_time(scene: Scene) -> None:
         X_WD = placed[step.target_unit] @ scene.geometry(step.target_unit).dock_frame(step.target_port)
         X_UP = scene.geometry(step.unit).port(step.port)
         X_DP = X_WD.inverse() @ placed[step.unit] @ X_UP
-        if close_range.get(step.unit) is step or params is None:
+        if close_range.get(step.unit) is step:
             time = math.hypot(X_DP.x, X_DP.y) / approach
+        elif params is None:
+            time = math.hypot(X_DP.x, X_DP.y) / scene.limits.v_max_mps
         else:
             handover = params.route.handover_m
             way = math.hypot(X_DP.x + handover, X_DP.y)

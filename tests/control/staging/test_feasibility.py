@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from msrr_control.staging.feasibility import check_assembly, check_overhead
+from msrr_control.staging.feasibility import check_assembly, check_overhead, check_time
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
@@ -72,3 +72,11 @@ def test_pictures_from_above_are_newer_than_what_a_unit_drives_by(name: str) -> 
     check_overhead(load_scene(name, {**late, "control.assembly.params.watch.stale_s": "1.2"}))
     check_overhead(load_scene(name))
     check_overhead(load_scene("close_range"))
+
+
+@pytest.mark.parametrize(("assembly", "least_s"), [("c1", 30), ("mypkg.control:MyAssembler", 11)])
+def test_a_phase_of_a_users_own_may_drive_as_fast_as_the_drive_can(assembly: str, least_s: int) -> None:
+    """The ways of `three_units` are 1.6 m and 2.5 m, and the drive makes 0.4 m/s."""
+    scene = load_scene("three_units", {"time_limit_s": "1", "control.assembly": assembly})
+    with pytest.raises(SceneError, match=f"the whole plan {least_s} s"):
+        check_time(scene)
