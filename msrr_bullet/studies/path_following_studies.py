@@ -15,6 +15,7 @@ from msrr_control.parameters import read_params
 from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams, C1PathFollowingState
 from msrr_control.path_following.c2 import C2PathFollowingLaw, C2PathFollowingParams
 from msrr_control.path_following.law import PathFollowingLaw
+from msrr_control.path_following.path import PaceSpec
 from msrr_control.path_following.walls import WallSpec
 from msrr_control.studies.path_following_study import PathFollowingStudyResult, run_path_following_study
 from msrr_scenes.errors import UnknownNameError
@@ -70,6 +71,7 @@ def _run(
         setting.path_following_starts,
         setting.disturbance,
         walls=WallSpec.model_validate(choice.params.get("walls", {})),
+        pace=PaceSpec.model_validate(choice.params.get("pace", {})),
         observer=observer,
     )
 

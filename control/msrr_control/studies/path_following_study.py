@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from msrr_control.kinematics.controlled_point import offset_point
 from msrr_control.path_following.law import PathFollowingLaw, State
 from msrr_control.path_following.obstacle_forces import Obstacles
-from msrr_control.path_following.path import Path
+from msrr_control.path_following.path import PaceSpec, Path
 from msrr_control.path_following.walls import WallSpec, find_encounter, side_wall
 from msrr_control.studies import metrics
 from msrr_control.studies.disturbance import Disturbance, DisturbedUnicycles, checked_commands
@@ -149,8 +149,7 @@ def run_path_following_study(
     disturbance: Disturbance | None = None,
     *,
     walls: WallSpec | None = None,
-    cruise_mps: float = 0.22,
-    ramp_s: float = 1.5,
+    pace: PaceSpec | None = None,
     offset: float = 0.10,
     rate_hz: float = 50.0,
     observer: Callable[[State], None] | None = None,
@@ -166,8 +165,7 @@ def run_path_following_study(
         disturbance: Noise and delay of the pose, and slip; None is ideal.
         walls: When walls stand. Under a law that does not use walls they still define when the deviation is
             due to the obstacle.
-        cruise_mps: Speed of the law's desired point, from which the duration of the trials follows.
-        ramp_s: Duration of the ramps of that speed.
+        pace: Speed of the law's desired point, from which the duration of the trials follows.
         offset: l [m].
         rate_hz: Control rate.
         observer: Called with the state of the law at every step.
@@ -178,6 +176,7 @@ def run_path_following_study(
     starts = starts if starts is not None else PathFollowingStartSet()
     disturbance = disturbance if disturbance is not None else Disturbance()
     walls = walls if walls is not None else WallSpec()
+    pace = pace if pace is not None else PaceSpec()
     dt = 1.0 / rate_hz
     path, centre = draw_paths(starts, trials, rng)
     half_width = np.full(trials, walls.half_width(starts.obstacle_m or 0.0, starts.body_half_width_m))
@@ -187,7 +186,7 @@ def run_path_following_study(
     pose = rng.uniform(-half, half, size=(trials, 3))
     pose[:, 0] -= offset  # the controlled point begins at s = 0
     units = DisturbedUnicycles(pose, disturbance, limits, dt, rng)
-    steps = int(np.ceil((float(path.length.max()) / cruise_mps + 2.0 * ramp_s + 3.0) / dt))
+    steps = int(np.ceil((float(path.length.max()) / pace.cruise_mps + 2.0 * pace.ramp_s + 3.0) / dt))
     poses = np.empty((steps, trials, 3))
     desired, commands, twists = (np.empty((steps, trials, 2)) for _ in range(3))
     walled = np.zeros((steps, trials), dtype=bool)

@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from msrr_bullet.studies.path_following_studies import path_following_row, path_following_series
+from msrr_bullet.studies.path_following_studies import (
+    path_following_row,
+    path_following_series,
+    run_path_following,
+)
 from msrr_bullet.studies.settings import STANDARD
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.specs.spec import Choice
@@ -34,3 +38,9 @@ def test_a_trial_over_time_passes_its_obstacle() -> None:
 def test_an_unknown_law_is_named() -> None:
     with pytest.raises(UnknownNameError, match="c3"):
         path_following_row(Choice(name="c3"), "C3", STANDARD, range(1))
+
+
+def test_trials_at_a_slower_pace_last_until_the_end_of_their_arcs() -> None:
+    slow = Choice(name="c1", params={"pace": {"cruise_mps": 0.11}})
+    result = run_path_following(slow, STANDARD, range(10))
+    assert np.isfinite(result.arc_end).all()
