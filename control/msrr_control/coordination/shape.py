@@ -98,7 +98,7 @@ class Shape:
         """Return why no order of docking can build this shape, as far as its places tell; None if none does.
 
         Lanes that what was built closes are the matter of
-        :func:`~msrr_control.coordination.precedence.precedence`.
+        :func:`~msrr_control.coordination.precedence.precede`.
         """
         taken: dict[tuple[str | None, str], str] = {}
         for place in self.places[1:]:

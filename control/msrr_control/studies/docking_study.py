@@ -111,7 +111,7 @@ class StudyResult:
         return largest
 
     def at_contact(self) -> tuple[Array, Array]:
-        """Return lateral [m] and yaw [rad] error at contact of the docked trials."""
+        """Return lateral [m] and yaw [rad] error at contact of the trials that came to the face."""
         trials = np.flatnonzero(self.at_face)
         steps = self.contact[trials]
         return self.tip[steps, trials, 1], self.pose[steps, trials, 2]

@@ -39,7 +39,7 @@ _MOST_TAGS = 3000
 
 
 class DetectorError(MsrrError):
-    """The native detector cannot do what was asked of it."""
+    """A detector cannot do what was asked of it."""
 
 
 @dataclass(frozen=True, slots=True)

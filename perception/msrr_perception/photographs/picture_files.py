@@ -41,7 +41,8 @@ def picture_files(paths: Iterable[Path]) -> tuple[Path, ...]:
     Those of a folder are in the order of their names, numbers in which count as such: 2 is before 10.
 
     Raises:
-        PictureError: A folder holds neither, or cannot be read, or the name of a file is no text.
+        PictureError: A folder holds neither, or the name of a file is no text.
+        OSError: A folder cannot be read.
     """
     files: list[Path] = []
     for path in paths:
