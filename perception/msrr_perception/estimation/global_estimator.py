@@ -48,7 +48,6 @@ class GlobalEstimator:
     Attributes:
         unit: Name of the unit whose wheels are known.
         target: Name of the unit that it docks to; None without a target.
-        delay_compensation: Whether :meth:`estimate` returns the pose of now or that of the last exposure.
     """
 
     def __init__(
@@ -74,7 +73,6 @@ class GlobalEstimator:
         """
         self.unit = unit
         self.aim(None, None)
-        self.delay_compensation = delay_compensation
         self._units = model.units
         self._own = CornerEkf(
             drive.seen_from_above(model.roof(unit)),

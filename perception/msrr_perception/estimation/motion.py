@@ -45,8 +45,9 @@ class FilterState:
 
     Attributes:
         stamp_ns: Time of the state.
-        mean: Mean, shape (n,): x, y, yaw of U in D [m, rad], pitch and roll of the pair [rad], relative
-            errors of both radii and of the track, and the errors of calibration of the filter's layout.
+        mean: Mean, shape (n,): x, y, yaw of U in D, if the marker of the port is where it is drawn [m, rad],
+            pitch and roll of the pair [rad], relative errors of both radii and of the track, and the errors
+            of calibration of the filter's layout.
         covariance: Covariance of the mean, shape (n, n).
         wheels: Encoder angles up to which motion is accounted for; None while no reading is known.
         last_seen_ns: Exposure time of the last measurement that passed the gate.
@@ -73,11 +74,6 @@ class FilterState:
     exposures: ExposureCounts = _NO_EXPOSURES
     cost: float = 0.0
     rivals: tuple[FilterState, ...] = ()
-
-    @property
-    def X_DU(self) -> SE2:
-        """Planar pose of the unit in the dock frame D."""
-        return SE2(*self.mean[:3])
 
 
 class DriveMotion:

@@ -49,9 +49,6 @@ class WheelHistory:
         self._stamps: list[int] = []  # of the readings
         self._ways: list[_Ways] = []  # of the readings
 
-    def __len__(self) -> int:
-        return len(self._readings)
-
     def add(self, reading: WheelOdometry) -> bool:
         """Store a reading and return whether it is newer than all others. A repeated one is ignored."""
         stamp_ns = reading.stamp_ns

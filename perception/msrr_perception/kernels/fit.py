@@ -83,7 +83,7 @@ def fit(
     information: Array,
     max_iterations: int,
     tolerance: float,
-) -> tuple[Array, Array, float, float, bool, bool]:
+) -> tuple[Array, Array, float, float, bool]:
     """Find the state that explains the corners best.
 
     Args:
@@ -97,15 +97,14 @@ def fit(
         tolerance: Step at which the iteration stops, in standard deviations of the solution.
 
     Returns:
-        State, covariance, chi2, cost, whether the last step was below the tolerance, and whether the
-        equations had a solution at all.
+        State, covariance, chi2, cost, and whether the equations had a solution at all.
     """
     n = start.shape[0]
     pixels, J = np.empty(8), np.empty((8, PARAMETERS))
     H, g, H_new, g_new = np.empty((n, n)), np.empty(n), np.empty((n, n)), np.empty(n)
     A, L, step, covariance = np.empty((n, n)), np.zeros((n, n)), np.empty(n), np.empty((n, n))
     state, trial = start.copy(), np.empty(n)
-    damping, converged, solvable = 0.0, False, True
+    damping, solvable = 0.0, True
     chi2, cost = linearise(optics, tags, seen, state, mean, information, pixels, J, H, g)
     for _ in range(max_iterations):
         for i in range(n):
@@ -121,7 +120,6 @@ def fit(
             for j in range(n):
                 length += step[i] * H[i, j] * step[j]
         if length < tolerance * tolerance * n:
-            converged = True
             break
         for i in range(n):
             trial[i] = state[i] + step[i]
@@ -138,4 +136,4 @@ def fit(
     solvable = solvable and cholesky(H, L)
     if solvable:
         inverse(L, covariance)
-    return state, covariance, chi2, cost, converged, solvable
+    return state, covariance, chi2, cost, solvable

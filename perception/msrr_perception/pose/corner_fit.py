@@ -45,14 +45,12 @@ class CornerFit:
         covariance: Inverse of the Gauss-Newton Hessian, shape (n, n).
         chi2: Squared residuals by their covariance, without the prior's part.
         cost: ``chi2`` plus the prior's part.
-        converged: Whether the last step was below the tolerance.
     """
 
     state: Array
     covariance: Array
     chi2: float
     cost: float
-    converged: bool
 
 
 def deviation(state: Array, mean: Array) -> Array:
@@ -187,10 +185,10 @@ def fit_corners(
     Raises:
         numpy.linalg.LinAlgError: Corners and prior together do not fix every direction of the state.
     """
-    state, covariance, chi2, cost, converged, solvable = fit(
+    state, covariance, chi2, cost, solvable = fit(
         target.optics, layout.tags, seen, start, prior_mean, prior_information, max_iterations, _TOLERANCE
     )
     if not solvable:
         raise np.linalg.LinAlgError("corners and prior leave a direction of the state open")
     state[YAW] = math.remainder(state[YAW], 2.0 * math.pi)
-    return CornerFit(state, covariance, chi2, cost, converged)
+    return CornerFit(state, covariance, chi2, cost)

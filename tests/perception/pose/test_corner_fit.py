@@ -38,7 +38,6 @@ def test_a_fit_ends_where_the_gradient_vanishes(
         found = fit_corners(
             target, target.layout, _seen(target, pixels), pose + 0.01, pose, prior, max_iterations=30
         )
-        assert found.converged
         predicted, J = jacobian(found.state, points)
         residual = (pixels - predicted) / 0.25
         H = J.T @ J / 0.25**2 + prior
