@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_perception.mapping.bundle import Bundle, Sightings
+from msrr_perception.pose.square_poses import square_poses
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.unit_geometry import tag_corners
@@ -90,23 +91,6 @@ def alternatives(
             yield replace(bundle, R_CM=R, p_CM=p)
 
 
-def _one_tag_poses(corners: Array, lens: Lens, tag_size: float) -> tuple[Array, Array]:
-    """Return the two poses X_CT of a tag as matrices (2, 4, 4), and their errors (2,) [px].
-
-    Source: Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014 (IPPE).
-
-    Args:
-        corners: Corners in the ideal image, shape (4, 2) [px].
-        lens: Lens of the picture.
-        tag_size: Edge of the black square of the tag [m].
-    """
-    _, rotations, places, errors = cv2.solvePnPGeneric(
-        tag_corners(tag_size), corners, lens.camera.matrix(), np.zeros(4), flags=cv2.SOLVEPNP_IPPE_SQUARE
-    )
-    found = [_pose(w, p) for w, p in zip(rotations, places, strict=True)]
-    return np.stack([found[0], found[-1]]), np.asarray(errors, dtype=np.float64).ravel()[[0, -1]]
-
-
 def _pose(w: cv2.typing.MatLike, p: cv2.typing.MatLike) -> Array:
     """Return the matrix of a pose by rotation vector and place, shapes (3, 1) and (4, 4)."""
     X = np.eye(4)
@@ -133,9 +117,9 @@ class _Guess:
         self._seen, self._lens = seen, lens
         self._square = np.column_stack([tag_corners(tag_size), np.ones(4)])
         self._ideal = lens.undistorted(seen.corners)
-        found = [_one_tag_poses(corners, lens, tag_size) for corners in self._ideal]
-        self._X_CT = np.stack([poses for poses, _ in found])  # (N, 2, 4, 4)
-        errors = np.stack([errors for _, errors in found])
+        found = [square_poses(lens.camera, corners, tag_size) for corners in self._ideal]
+        self._X_CT = np.array([[X_CT.matrix() for X_CT, _ in poses] for poses in found])  # (N, 2, 4, 4)
+        errors = np.array([[error for _, error in poses] for poses in found])
         self._of_view = [np.flatnonzero(seen.view == v) for v in range(seen.view.max() + 1)]
         self._of_tag = [np.flatnonzero(seen.tag == t) for t in range(seen.tag.max() + 1)]
         self.views = np.tile(np.eye(4), (len(self._of_view), 1, 1))

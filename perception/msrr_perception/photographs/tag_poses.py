@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from msrr_perception.pose.square_poses import square_poses
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.unit_geometry import tag_corners
 
 #: Standard deviation of each coordinate of a corner on a photograph [px]: measured against the alignment of
 #: the whole pattern of 107 tags, 0.22 px. It holds for refined corners and for the library's alike. What the
@@ -62,6 +64,7 @@ def tag_poses(
 ) -> tuple[TagPose, ...]:
     """Return the one or two poses of a tag, best first.
 
+    Both poses of :func:`square_poses` are moved to their least squares in the picture, where the noise is.
     The covariance of a pose does not know of the other one. A tag that is small or seen from the front may be
     at either; the ratio of the reprojection errors says how sure the choice is. Where both starts lead to one
     pose, there is one.
@@ -72,24 +75,12 @@ def tag_poses(
             :class:`msrr_scenes.messages.TagDetection`.
         size: Edge of the black square [m].
         sigma_px: Standard deviation of each coordinate of a corner [px], one of all corners or shape (4,).
-
-    Source: Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014 (IPPE), for
-    the two starts, each moved to its least squares.
     """
-    h = 0.5 * size
-    points = np.array([[-h, h, 0.0], [h, h, 0.0], [h, -h, 0.0], [-h, -h, 0.0]])
     ideal = lens.undistorted(corners)
-    seen = _Corners(lens.camera, ideal, points, lens.slopes(ideal) if lens.distorts else np.eye(2))
-    count, rotations, translations, _ = cv2.solvePnPGeneric(
-        points, ideal, lens.camera.matrix(), np.zeros(4), flags=cv2.SOLVEPNP_IPPE_SQUARE
-    )
-    poses = []
-    for i in range(count):
-        R = np.asarray(cv2.Rodrigues(rotations[i])[0], dtype=np.float64)
-        start = SE3(R, np.asarray(translations[i], dtype=np.float64).ravel())
-        pose = _least_squares(seen, start, sigma_px)
-        if pose is not None:
-            poses.append(pose)
+    slopes = lens.slopes(ideal) if lens.distorts else np.eye(2)
+    seen = _Corners(lens.camera, ideal, tag_corners(size), slopes)
+    fits = [_least_squares(seen, start, sigma_px) for start, _ in square_poses(lens.camera, ideal, size)]
+    poses = [pose for pose in fits if pose is not None]
     poses.sort(key=lambda pose: pose.reprojection_px)
     return tuple(poses[:1] if len(poses) == 2 and _same(*poses) else poses)
 

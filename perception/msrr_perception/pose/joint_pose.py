@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from msrr_perception.pose.corner_fit import (
@@ -18,6 +17,7 @@ from msrr_perception.pose.corner_fit import (
     pieces_along_yaw,
     second_moment,
 )
+from msrr_perception.pose.square_poses import square_poses
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
@@ -58,26 +58,13 @@ class JointPose:
 
 
 def one_tag_poses(target: TargetModel, tag: TagDetection) -> tuple[SE2, ...]:
-    """Return the one or two poses X_DU at which a single flat tag appears as detected, best first.
-
-    Source: Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014 (IPPE), projected
-    to the floor.
-    """
+    """Return the poses X_DU on the floor at which a single flat tag appears as detected, best first."""
     corners_D = target.corners_D[tag.tag_id]
     x, y = corners_D[1] - corners_D[0], corners_D[0] - corners_D[3]
     size = float(np.linalg.norm(x))
     X_DT = SE3(np.stack([x, y, np.cross(x, y) / size], axis=1) / size, corners_D.mean(axis=0))
-    h = 0.5 * size
-    square = np.array([[-h, h, 0.0], [h, h, 0.0], [h, -h, 0.0], [-h, -h, 0.0]])
-    count, rotations, translations, _ = cv2.solvePnPGeneric(
-        square, tag.corners, target.camera.matrix(), np.zeros(4), flags=cv2.SOLVEPNP_IPPE_SQUARE
-    )
-    poses = []
-    for i in range(count):
-        R = np.asarray(cv2.Rodrigues(rotations[i])[0], dtype=np.float64)
-        X_CT = SE3(R, np.asarray(translations[i], dtype=np.float64))
-        poses.append((X_DT @ X_CT.inverse() @ target.X_CU).to_se2())
-    return tuple(poses)
+    found = square_poses(target.camera, tag.corners, size)
+    return tuple((X_DT @ X_CT.inverse() @ target.X_CU).to_se2() for X_CT, _ in found)
 
 
 def largest_tag(tags: Sequence[TagDetection]) -> TagDetection:
