@@ -15,16 +15,13 @@ from dataclasses import replace
 import numpy as np
 
 from msrr_perception.estimation.motion import FilterState
-from msrr_perception.pose.corner_fit import deviation, odds
+from msrr_perception.pose.corner_fit import is_same_pose, odds
 from msrr_scenes.arrays import frozen
 from msrr_scenes.messages import PoseEstimate
 
 #: Cost above that of the best state from which a state is given up: odds of one to 8,000. A rival that is
 #: half a turn off adds less than 2 deg to the standard deviation of the yaw when it goes.
 _GIVEN_UP = 18.0
-
-#: Distance in standard deviations below which two states have become one.
-_SAME_SIGMAS = 0.5
 
 
 def likeliest(states: Sequence[FilterState]) -> FilterState:
@@ -36,7 +33,8 @@ def likeliest(states: Sequence[FilterState]) -> FilterState:
     best, *others = sorted(states, key=lambda state: state.cost)
     apart = [best]
     for other in others:
-        if other.cost - best.cost < _GIVEN_UP and not any(_is_same(other, one) for one in apart):
+        same = (is_same_pose(other.mean, one.mean, one.covariance) for one in apart)
+        if other.cost - best.cost < _GIVEN_UP and not any(same):
             apart.append(other)
     scale, seen = best.noise_scale, best.exposures
     rivals = [replace(r, cost=r.cost - best.cost, noise_scale=scale, exposures=seen) for r in apart[1:]]
@@ -53,9 +51,3 @@ def mixed(poses: Sequence[PoseEstimate], costs: Sequence[float]) -> PoseEstimate
         off[2] = math.remainder(off[2], 2.0 * math.pi)
         covariance += share * (pose.covariance + np.outer(off, off))
     return replace(best, covariance=frozen(covariance))
-
-
-def _is_same(state: FilterState, other: FilterState) -> bool:
-    """Return whether the pose of a state lies within that of another one."""
-    off = deviation(state.mean, other.mean)[:3]
-    return float(off @ np.linalg.solve(other.covariance[:3, :3], off)) < _SAME_SIGMAS**2

@@ -32,7 +32,7 @@ _YAW_KNOWN, _YAW_RANGE, _YAW_PIECE, _YAW_ITERATIONS = 0.007, 0.5, 0.05, 12
 #: Variance of the pose [m^2, rad^2] above which corners say nothing of it.
 _LARGEST_VARIANCE = 1e6
 
-#: Distance in standard deviations below which two solutions count as one.
+#: Distance in standard deviations below which two poses count as one.
 _SAME_SIGMAS = 0.5
 
 
@@ -68,12 +68,17 @@ def is_determined(fit: CornerFit) -> bool:
     return bool(least > 0.0 and greatest < _LARGEST_VARIANCE)
 
 
+def is_same_pose(state: Array, mean: Array, covariance: Array) -> bool:
+    """Return whether the pose of a state is that of another one, by the mean and the covariance of that."""
+    off = deviation(state, mean)[:3]
+    return float(off @ np.linalg.solve(covariance[:3, :3], off)) < _SAME_SIGMAS**2
+
+
 def distinct(fits: Sequence[CornerFit]) -> list[CornerFit]:
     """Return those of one fit or more whose poses lie apart from those of better ones, best first."""
     found = list[CornerFit]()
     for one in sorted(fits, key=lambda one: one.cost):
-        off = [(deviation(one.state, other.state)[:3], other.covariance[:3, :3]) for other in found]
-        if all(float(d @ np.linalg.solve(P, d)) >= _SAME_SIGMAS**2 for d, P in off):
+        if not any(is_same_pose(one.state, other.state, other.covariance) for other in found):
             found.append(one)
     return found
 
