@@ -71,7 +71,8 @@ def measure_overhead(
 def module_sizes() -> tuple[float, float]:
     """Return the edge of a module [px] of the smallest and of the largest tag in the image."""
     _, _, model = _load()
-    modules = [model.edge_px(i) / model.tag_family.edge_modules for i in model.tags]
+    edges = [tag.edge_px(model.camera, model.X_WC) for tag in model.tags.values()]
+    modules = [edge / model.tag_family.edge_modules for edge in edges]
     return min(modules), max(modules)
 
 

@@ -37,7 +37,7 @@ def coarse_tags(scene: Scene) -> Iterator[str]:
     modules = scene.tags.tag_family.edge_modules
     if scene.cameras.overhead is not None:
         model = OverheadModel.from_scene(scene, ())
-        edges = {tag.name: model.edge_px(tag_id) for tag_id, tag in model.tags.items()}
+        edges = {tag.name: tag.edge_px(model.camera, model.X_WC) for tag in model.tags.values()}
         small = ", ".join(name for name, edge in edges.items() if edge < _READ_PX * modules)
         if small:
             shown = _shown(min(edges.values()), modules)

@@ -9,6 +9,7 @@ from msrr_perception.detection.detector import Detector, detector_for, detectors
 from msrr_perception.detection.frame_reader import FrameReader
 from msrr_perception.detection.windows import (
     DEFAULT_POLICY,
+    RETRY_WIDEN,
     ExpectedTag,
     WindowPolicy,
     choose_tags,
@@ -31,9 +32,6 @@ _SEARCH_PERIOD = 5
 #: Misses in a row after which a tag rests; one alone may come from a wrong prediction or from noise. And the
 #: number of frames for which it rests.
 _MISSES_BEFORE_REST, _REST = 2, 5
-
-#: Factor on a window's margins when it is read a second time.
-_RETRY_WIDEN = 2.5
 
 #: Standard deviations of position [m] and yaw [rad] above which a prediction is not used.
 _KNOWN_M, _KNOWN_YAW = 0.15, math.radians(15.0)
@@ -130,12 +128,13 @@ class OnboardVision:
     def _read_windows(self, reader: FrameReader, expected: Sequence[ExpectedTag], frame: int) -> None:
         chosen = self._chosen(expected, frame)
         wanted = {e.tag_id for e in chosen}
-        self._read(reader, plan_windows(self.target, chosen, self.policy), chosen, chosen)
+        frame_window = self.target.camera.frame
+        self._read(reader, plan_windows(frame_window, chosen, self.policy), chosen, chosen)
         if chosen and not self._target_tags(reader):
-            windows = plan_windows(self.target, expected, self.policy, _RETRY_WIDEN)
+            windows = plan_windows(frame_window, expected, self.policy, RETRY_WIDEN)
             reader.read(windows, self.detector)
         if not self._target_tags(reader):
-            reader.read((self.target.camera.frame,), self.detector)
+            reader.read((frame_window,), self.detector)
         for tag in wanted - self._target_tags(reader):
             self._misses[tag] = self._misses.get(tag, 0) + 1
             if self._misses[tag] >= _MISSES_BEFORE_REST:

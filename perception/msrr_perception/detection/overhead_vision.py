@@ -15,10 +15,11 @@ from msrr_perception.detection.detector import (
 )
 from msrr_perception.detection.frame_reader import FrameReader
 from msrr_perception.detection.windows import (
+    RETRY_WIDEN,
     ExpectedTag,
     WindowPolicy,
     fitting_window,
-    merged_windows,
+    plan_windows,
     tags_in_frame,
 )
 from msrr_perception.kernels.lens import optic_of
@@ -37,9 +38,6 @@ _SEARCH_NS, _MISSING_NS = NS_PER_S, 300_000_000
 
 #: Number of sightings in a row after which a body counts as standing still.
 _SETTLE_AFTER = 6
-
-#: Factor on a window's margins when it is read a second time.
-_RETRY_WIDEN = 2.5
 
 #: Largest edge of a window [px]; a body known less well is left to the search.
 _WIDEST_PX = 320
@@ -103,7 +101,7 @@ class OverheadVision:
         errors = model.corner_errors
         self._detector = for_camera(detector, model.lens, errors.blur_px, errors.noise_grey)
         self._detectors = detectors_by_size(self._detector)
-        smallest_px = min(model.edge_px(i) for i in model.tags)
+        smallest_px = min(tag.edge_px(model.camera, model.X_WC) for tag in model.tags.values())
         self._search_detector = search_detector or default_search_detector(
             model.tag_family.name, smallest_px, errors.blur_px, errors.noise_grey
         )
@@ -157,7 +155,7 @@ class OverheadVision:
         upright_px = min((e.upright_edge for e in tags), default=0.0)
         self._read(reader, detector_for(self._detectors, upright_px), tags)
         missed = [e for i, e in due.items() if i not in reader.found]
-        self._read(reader, self._detector, missed, _RETRY_WIDEN)
+        self._read(reader, self._detector, missed, RETRY_WIDEN)
         if len(due) < len(wanted) or not self._knows_all():
             self._search(reader, exposure.stamp_ns, predictions)
         self._remember(reader, due, predictions)
@@ -222,8 +220,7 @@ class OverheadVision:
     def _read(
         self, reader: FrameReader, detector: Detector, tags: Iterable[ExpectedTag], widen: float = 1.0
     ) -> None:
-        windows = (e.window(self._policy, widen) for e in tags)
-        reader.read(merged_windows(windows, self.model.camera.frame, self._policy), detector)
+        reader.read(plan_windows(self.model.camera.frame, tags, self._policy, widen), detector)
 
     def _search(self, reader: FrameReader, stamp_ns: int, predictions: Mapping[str, GlobalPose]) -> None:
         """Search for unknown and missing tags, and read those that turn up."""

@@ -23,6 +23,9 @@ from msrr_scenes.specs.tag_families import TAG36H11, TagFamily
 
 _TILE = 4
 
+#: Factor on a window's margins when it is read a second time.
+RETRY_WIDEN = 2.5
+
 
 @dataclass(frozen=True, slots=True)
 class WindowPolicy:
@@ -167,13 +170,15 @@ def choose_tags(
 
 
 def plan_windows(
-    target: TargetModel,
-    tags: Sequence[ExpectedTag],
+    frame: Window,
+    tags: Iterable[ExpectedTag],
     policy: WindowPolicy = DEFAULT_POLICY,
     widen: float = 1.0,
 ) -> tuple[Window, ...]:
-    """Return the windows that hold ``tags``, ordered from left to right; ``widen`` scales all margins."""
-    return merged_windows((e.window(policy, widen) for e in tags), target.camera.frame, policy)
+    """Return the windows of a frame that hold tags, from left to right; ``widen`` scales all margins."""
+    fitted = [box for e in tags for box in _fitted(e.window(policy, widen), frame)]
+    merged = _merged(fitted, policy.merge_px)
+    return tuple(Window(x, y, x_end - x, y_end - y) for x, y, x_end, y_end in merged)
 
 
 #: First column and row of a window, and those after the last; cheaper than objects in the loops below.
@@ -185,13 +190,6 @@ def fitting_window(window: Window, frame: Window) -> Window | None:
     for x, y, x_end, y_end in _fitted(window, frame):
         return Window(x, y, x_end - x, y_end - y)
     return None
-
-
-def merged_windows(windows: Iterable[Window], frame: Window, policy: WindowPolicy) -> tuple[Window, ...]:
-    """Return the windows cut to the frame, with those joined that cost less as one."""
-    fitted = [box for window in windows for box in _fitted(window, frame)]
-    merged = _merged(fitted, policy.merge_px)
-    return tuple(Window(x, y, x_end - x, y_end - y) for x, y, x_end, y_end in merged)
 
 
 def _fitted(window: Window, frame: Window) -> tuple[_Box, ...]:

@@ -49,6 +49,11 @@ class FlatTag:
         """Height above the floor [m]."""
         return float(self.corners_B[:, 2].mean())
 
+    def edge_px(self, camera: PinholeCamera, X_WC: SE3) -> float:
+        """Return the length of the tag's edge in the ideal image of a camera above, wherever it is [px]."""
+        edge_m = float(np.linalg.norm(self.corners_B[1] - self.corners_B[0]))
+        return camera.focal * edge_m / (float(X_WC.p[2]) - self.height)
+
 
 def overhead_pose(spec: OverheadCameraSpec) -> SE3:
     """Return X_WC of the overhead camera: straight down, image right along world x, image down along -y."""
@@ -144,8 +149,7 @@ class GlobalLocalizer:
         self._modelled: dict[str, float] = {}  # variance of a corner's coordinate [px^2]
         lasting_share = {}
         for tag in self.tags.values():
-            edge_m = float(np.linalg.norm(tag.corners_B[1] - tag.corners_B[0]))
-            edge_px = camera.focal * edge_m / (float(X_WC.p[2]) - tag.height)
+            edge_px = tag.edge_px(camera, X_WC)
             lasting = errors.lasting_px(edge_px) ** 2
             variance = errors.frame_px(edge_px) ** 2 + lasting
             self._covariance_B[tag.name] = variance * self._by_sections(tag)

@@ -121,12 +121,6 @@ class OverheadModel:
         """Body -> id of the tag on top of it."""
         return MappingProxyType({tag.name: tag_id for tag_id, tag in self.tags.items()})
 
-    def edge_px(self, tag_id: int) -> float:
-        """Return the length of a tag's edge in the ideal image [px], wherever its body stands."""
-        tag = self.tags[tag_id]
-        edge = float(np.linalg.norm(tag.corners_B[1] - tag.corners_B[0]))
-        return self.camera.focal * edge / (float(self.X_WC.p[2]) - tag.height)
-
     def square(self, middle_W: Array, half_m: float, unit: str) -> Window:
         """Return the window, in the frame or not, of a square at the height of a unit's tag.
 

@@ -54,7 +54,7 @@ def test_windows_hold_every_corner_of_the_tags_they_are_for(target: TargetModel,
     for k, (X, sigma) in enumerate(_random(1, 400)):
         truth = SE2(*(X.as_array() + rng.normal(0.0, sigma)))
         chosen = choose_tags(target, expected_tags(target, _prediction(X, sigma)), k)
-        windows = plan_windows(target, chosen)
+        windows = plan_windows(target.camera.frame, chosen)
         for tag in chosen:
             pixels = project(target, pose_vector(truth), target.corners_D[tag.tag_id])[1]
             if (
@@ -72,7 +72,7 @@ def test_windows_hold_every_corner_of_the_tags_they_are_for(target: TargetModel,
 def test_windows_lie_in_the_frame_on_whole_tiles_and_do_not_repeat(target: TargetModel) -> None:
     frame = target.camera.frame
     for k, (X, sigma) in enumerate(_random(2, 200)):
-        windows = plan_windows(target, choose_tags(target, expected_tags(target, _prediction(X, sigma)), k))
+        windows = plan_windows(frame, choose_tags(target, expected_tags(target, _prediction(X, sigma)), k))
         assert len(set(windows)) == len(windows)
         for w in windows:
             assert frame.contains(w)
@@ -84,13 +84,13 @@ def test_windows_lie_in_the_frame_on_whole_tiles_and_do_not_repeat(target: Targe
 def test_far_targets_get_one_window_and_near_ones_several_or_turns(target: TargetModel) -> None:
     far = choose_tags(target, expected_tags(target, _prediction(SE2(-0.7, 0.0, 0.0))), 0)
     assert {t.tag_id for t in far} >= set(target.port_tags)
-    assert len(plan_windows(target, far)) == 1
+    assert len(plan_windows(target.camera.frame, far)) == 1
     near = expected_tags(target, _prediction(SE2(-0.101, 0.0, 0.0), (1e-4, 1e-4, 1e-3)))
     asked: set[int] = set()
     for turn in range(3):
         chosen = choose_tags(target, near, turn)
         asked |= {t.tag_id for t in chosen}
-        area = sum(w.area for w in plan_windows(target, chosen))
+        area = sum(w.area for w in plan_windows(target.camera.frame, chosen))
         assert area <= DEFAULT_POLICY.budget_px or len(chosen) == 1
     assert asked == set(target.port_tags)
 
@@ -98,19 +98,23 @@ def test_far_targets_get_one_window_and_near_ones_several_or_turns(target: Targe
 @pytest.mark.parametrize(("x", "share"), [(-0.8, 0.04), (-0.4, 0.07), (-0.2, 0.1), (-0.101, 0.14)])
 def test_a_good_prediction_needs_few_pixels(target: TargetModel, x: float, share: float) -> None:
     expected = expected_tags(target, _prediction(SE2(x, 0.0, 0.0), (3e-4, 3e-4, 1e-3)))
-    pixels = [sum(w.area for w in plan_windows(target, choose_tags(target, expected, k))) for k in range(3)]
+    pixels = [
+        sum(w.area for w in plan_windows(target.camera.frame, choose_tags(target, expected, k)))
+        for k in range(3)
+    ]
     assert np.mean(pixels) < share * target.camera.frame.area
 
 
 def test_uncertainty_and_retries_widen_windows(target: TargetModel) -> None:
     X = SE2(-0.5, 0.0, 0.0)
     sharp, vague = (
-        plan_windows(target, expected_tags(target, _prediction(X, (s, s, s))))[0] for s in (1e-4, 0.01)
+        plan_windows(target.camera.frame, expected_tags(target, _prediction(X, (s, s, s))))[0]
+        for s in (1e-4, 0.01)
     )
     assert vague.contains(sharp)
     assert vague.area > 1.5 * sharp.area
-    wide = plan_windows(target, expected_tags(target, _prediction(X)), widen=3.0)[0]
-    assert wide.area > plan_windows(target, expected_tags(target, _prediction(X)))[0].area
+    wide = plan_windows(target.camera.frame, expected_tags(target, _prediction(X)), widen=3.0)[0]
+    assert wide.area > plan_windows(target.camera.frame, expected_tags(target, _prediction(X)))[0].area
 
 
 def test_only_tags_that_face_the_camera_in_full_view_are_expected(target: TargetModel) -> None:
@@ -128,7 +132,7 @@ def test_neighbours_are_taken_along_only_while_that_is_cheap(target: TargetModel
     for x in (-0.85, -0.5, -0.3):
         expected = expected_tags(target, _prediction(SE2(x, 0.0, 0.0)))
         chosen = choose_tags(target, expected, 0)
-        area = sum(w.area for w in plan_windows(target, chosen))
+        area = sum(w.area for w in plan_windows(target.camera.frame, chosen))
         extras = {t.tag_id for t in chosen} - set(target.port_tags)
         assert not extras or area <= DEFAULT_POLICY.extra_px
     far = choose_tags(target, expected_tags(target, _prediction(SE2(-0.85, 0.0, 0.0))), 0)
