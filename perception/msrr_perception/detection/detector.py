@@ -11,7 +11,7 @@ from typing import Protocol
 from msrr_perception.detection import native_apriltag
 from msrr_perception.detection.aruco_detector import ArucoDetector
 from msrr_perception.detection.checked_tags import checked_tags
-from msrr_perception.detection.native_apriltag import DetectorError, NativeSettings
+from msrr_perception.detection.native_apriltag import NativeSettings
 from msrr_perception.detection.pyapriltags_detector import PyAprilTagsDetector
 from msrr_perception.detection.refining_detector import RefiningDetector, check_ranges
 from msrr_perception.detection.restoration import noise_gain
@@ -21,22 +21,6 @@ from msrr_scenes.guarded import of_the_same_kind
 from msrr_scenes.messages import Pixels, TagDetection
 from msrr_scenes.registry import ExtensionPoint, build, is_import_path
 from msrr_scenes.specs.scene import Scene
-
-__all__ = [
-    "DETECTORS",
-    "LARGE_TAG_PX",
-    "Detector",
-    "DetectorError",
-    "PupilDetector",
-    "default_search_detector",
-    "detector_for",
-    "detectors_by_size",
-    "for_camera",
-    "for_large_tags",
-    "for_lens",
-    "for_noise",
-    "scene_detector",
-]
 
 #: Shortest edge of an upright tag in the image from which it is found at half the resolution as well [px]; at
 #: a third of it from one and a half times this on, and at a quarter from twice this on. Turned tags need more

@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 
 from msrr_perception.detection import native_apriltag
-from msrr_perception.detection.detector import DetectorError
-from msrr_perception.detection.native_apriltag import NativeSettings
+from msrr_perception.detection.native_apriltag import DetectorError, NativeSettings
 from msrr_perception.kernels.edges import RefinedCorners, refine_corners
 from msrr_perception.kernels.lens import NO_LENS, optic_of
 from msrr_scenes.arrays import Array

@@ -13,14 +13,18 @@ from pupil_apriltags import bindings
 from msrr_perception.detection import native_apriltag
 from msrr_perception.detection.detector import (
     DETECTORS,
-    DetectorError,
     PupilDetector,
     default_search_detector,
     detectors_by_size,
     for_large_tags,
     for_noise,
 )
-from msrr_perception.detection.native_apriltag import EDGE_TO_CENTRE_PX, LIBRARY_BITS, NativeSettings
+from msrr_perception.detection.native_apriltag import (
+    EDGE_TO_CENTRE_PX,
+    LIBRARY_BITS,
+    DetectorError,
+    NativeSettings,
+)
 from msrr_perception.detection.windows import ExpectedTag
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.pinhole import Window

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from msrr_perception.detection import native_apriltag
-from msrr_perception.detection.detector import DetectorError, PupilDetector, scene_detector
+from msrr_perception.detection.detector import PupilDetector, scene_detector
+from msrr_perception.detection.native_apriltag import DetectorError
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.tag_families import FAMILIES, TagFamily
 

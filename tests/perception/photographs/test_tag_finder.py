@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from msrr_perception.detection.detector import DetectorError, PupilDetector
+from msrr_perception.detection.detector import PupilDetector
+from msrr_perception.detection.native_apriltag import DetectorError
 from msrr_perception.photographs.picture_files import picture_files, read_picture
 from msrr_perception.photographs.tag_finder import TagFinder
 from msrr_scenes.geometry.pinhole import Window
