@@ -113,11 +113,15 @@ class UnitRecord:
         return min(self.progress, max(track.length - self.retreat_m, track.dock_start))
 
     @property
+    def stands(self) -> bool:
+        """Whether the unit reports of its route that it stands."""
+        report = self.report
+        return report is not None and report.route == self.route and report.mode is UnitMode.STANDING
+
+    @property
     def stands_at_limit(self) -> bool:
         """Whether the unit has come to rest where its authority ends."""
-        report = self.report
-        stands = report is not None and report.route == self.route and report.mode is UnitMode.STANDING
-        return stands and self.progress >= self.limit - SAME_M
+        return self.stands and self.progress >= self.limit - SAME_M
 
     def receive(self, report: UnitReport, now_ns: int) -> None:
         """Take in a report, unless a newer one is known."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 from msrr_control.coordination.ledger import SAME_M, UnitRecord
 from msrr_control.coordination.mission import Patience
 from msrr_scenes.messages import NS_PER_S, seconds
-from msrr_scenes.messages.coordination import UnitMode
 
 
 class Recall:
@@ -52,7 +51,7 @@ class Recall:
             del self._since_ns[unit.name]
             return False
         expired_ns = since_ns + round(self._patience.expires_s * NS_PER_S)
-        if unit.report is None or unit.report.stamp_ns <= expired_ns or not _stands(unit):
+        if unit.report is None or unit.report.stamp_ns <= expired_ns or not unit.stands:
             return False
         del self._since_ns[unit.name]
         self._times[unit.name] = self._times.get(unit.name, 0) + 1
@@ -61,14 +60,8 @@ class Recall:
     def _is_held(self, unit: UnitRecord, now_ns: int) -> bool:
         """Return whether a unit that could drive on has been standing for too long."""
         track = unit.track
-        if not unit.under_way or track is None or not _stands(unit):
+        if not unit.under_way or track is None or not unit.stands:
             return False
         free = unit.limit - unit.progress > SAME_M and unit.progress < track.dock_start - SAME_M
         heard = seconds(now_ns - unit.heard_ns) < self._patience.silent_s
         return free and heard and seconds(now_ns - unit.patient_ns) > self._patience.held_s
-
-
-def _stands(unit: UnitRecord) -> bool:
-    """Return whether a unit reports of its route that it stands."""
-    report = unit.report
-    return report is not None and report.route == unit.route and report.mode is UnitMode.STANDING
