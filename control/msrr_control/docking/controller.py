@@ -123,9 +123,8 @@ def law_inputs(inputs: ControlInputs) -> LawInputs:
     left, right = (0.0, 0.0) if los is None else (los.left, los.right)
     if not (math.isfinite(left) and math.isfinite(right)):
         left = right = visibility = 0.0
-    X_DU = inputs.pose.X_DU
     return LawInputs(
-        pose=np.array([X_DU.x, X_DU.y, X_DU.yaw]),
+        pose=inputs.pose.X_DU.as_array(),
         edges=np.array([left, right]),
         visibility=np.array(visibility),
         twist=np.array([inputs.twist.v, inputs.twist.w]),

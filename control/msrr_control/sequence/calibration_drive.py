@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from msrr_control.docking.retreat import retreat_twist
 from msrr_control.sequence.context import DockingContext
 from msrr_control.sequence.tuning import CalibrationDriveSpec
@@ -39,6 +37,5 @@ def calibration_twist(c: DockingContext, spec: CalibrationDriveSpec) -> Twist | 
         memory.leg += 1
     if view.gap >= spec.far_m - spec.arrived_m:
         return None
-    X = pose.X_DU
-    v, w = retreat_twist(np.array([X.x, X.y, X.yaw]), spec.far_m, c.tuning.retreat, c.setup)
+    v, w = retreat_twist(pose.X_DU.as_array(), spec.far_m, c.tuning.retreat, c.setup)
     return Twist(float(v), float(w))

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from msrr_control.docking.controller import promised_speed
 from msrr_control.docking.retreat import retreat_twist
 from msrr_control.sequence.calibration_drive import calibration_twist
@@ -232,8 +230,7 @@ def retreat(c: DockingContext) -> Twist | Transition:
         return STILL
     if pose is None:
         return Twist(-tuning.retreat.speed_mps, 0.0)
-    X = pose.X_DU
-    v, w = retreat_twist(np.array([X.x, X.y, X.yaw]), c.spec.retreat_m, tuning.retreat, c.setup)
+    v, w = retreat_twist(pose.X_DU.as_array(), c.spec.retreat_m, tuning.retreat, c.setup)
     return Twist(float(v), float(w))
 
 
