@@ -9,7 +9,7 @@ import numpy as np
 
 from msrr_control.path_following.obstacle_forces import Obstacles
 from msrr_control.path_following.reference import SideWall
-from msrr_control.path_following.walls import Encounter, WallSpec, side_wall
+from msrr_control.path_following.walls import Encounter, side_wall
 from msrr_control.planning.free_space import Disc, FreeSpace
 from msrr_control.planning.route import ArenaMap, Route
 from msrr_control.planning.route_planner import RoutePlanner
@@ -33,28 +33,15 @@ class _Passage(NamedTuple):
 class RouteMonitor:
     """Compares one route with what is known while the unit drives along it."""
 
-    def __init__(
-        self,
-        route: Route,
-        planner: RoutePlanner,
-        arena: ArenaMap,
-        walls: WallSpec,
-        half_width: float,
-        offset: float,
-    ) -> None:
+    def __init__(self, route: Route, planner: RoutePlanner, arena: ArenaMap) -> None:
         """Begin with the map in which the route was planned.
 
         Args:
             route: The route.
             planner: The planner of the route.
             arena: What was known.
-            walls: When walls stand.
-            half_width: Half the width of the unit's body [m].
-            offset: l [m].
         """
-        self.route = route
-        self._planner, self._walls = planner, walls
-        self._half_width, self._offset = half_width, offset
+        self.route, self._planner = route, planner
         self._end = planner.spec.handover(arena.X_WD)
         self._units = {unit.name: unit for unit in arena.units}
         self._passages: dict[str, _Passage] = {}
@@ -106,7 +93,7 @@ class RouteMonitor:
         if (
             side is not None
             or not bool(encounter.blocked)
-            or float(encounter.s) < s - self._walls.release_m(self._offset)
+            or float(encounter.s) < s - self._planner.walls.release_m(self._planner.offset)
         ):
             return None
         return f"{obstacle.name} {'appeared' if known is None else 'moved'} on the path, {ahead:.2f} m ahead"
@@ -120,22 +107,22 @@ class RouteMonitor:
 
     def wall(self, arena: ArenaMap, tip: Array, s: float) -> tuple[SideWall, str | None]:
         """Return the one wall that stands now, that of the first obstacle not yet passed, and its name."""
+        planner = self._planner
         standing: list[tuple[float, SideWall, str]] = []
         for obstacle in arena.obstacles:
             known = self._passages.get(obstacle.name)
             if known is None or known.side is None:
                 continue
-            if abs(float(known.encounter.s) - s) > 2.0 * self._walls.ahead_m:
+            if abs(float(known.encounter.s) - s) > 2.0 * planner.walls.ahead_m:
                 continue
-            d = np.asarray(obstacle.radius + self._half_width + self._walls.margin_m)
             wall = side_wall(
                 known.encounter,
                 np.asarray(known.side),
                 tip,
                 obstacle.X_WB.translation,
-                d,
-                self._walls,
-                self._offset,
+                np.asarray(planner.obstacle_disc(obstacle).radius),
+                planner.walls,
+                planner.offset,
             )
             if bool(wall.active):
                 standing.append((float(known.encounter.s), wall, obstacle.name))

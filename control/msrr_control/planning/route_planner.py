@@ -31,6 +31,11 @@ class RoutePlanner:
     The large arc of the paper is taken where it fits; walls (eq. 9) lead past obstacles on it. Where it does
     not fit, the path leads around everything, if necessary with a stop and a turn on the spot before the
     lead-in.
+
+    Attributes:
+        spec: Shape of the routes.
+        walls: When walls stand, and how far from obstacles.
+        offset: l [m].
     """
 
     def __init__(
@@ -55,11 +60,11 @@ class RoutePlanner:
             border: What ``box`` is, in words.
         """
         self._border = border
-        self.spec, self._walls, self._pace = spec, walls, pace
+        self.spec, self.walls, self._pace = spec, walls, pace
         x0, x1, y0, y1 = box
         b = spec.border_m
         self._box = (x0 + b, x1 - b, y0 + b, y1 - b)
-        self._offset, self._half_width = offset, body_half_width
+        self.offset, self._half_width = offset, body_half_width
 
     def plan(self, arena: ArenaMap, caution: int = 0) -> Route | None:
         """Return the best route from where the unit stands, None if there is none.
@@ -83,7 +88,7 @@ class RoutePlanner:
 
     def may_drive_ahead(self, X_WU: SE2, obstacles: Iterable[ObstacleEstimate], distance: float) -> bool:
         """Return whether border and obstacles let a unit drive straight ahead by ``distance`` [m]."""
-        ahead = np.linspace(0.0, self._offset + distance, 2 + math.ceil(distance / _SPACING_M))
+        ahead = np.linspace(0.0, self.offset + distance, 2 + math.ceil(distance / _SPACING_M))
         space = FreeSpace(self._box, tuple(map(self.obstacle_disc, obstacles))).opened_at(X_WU.x, X_WU.y)
         return space.allows(X_WU.act(np.stack([ahead, np.zeros_like(ahead)], axis=-1)))
 
@@ -100,7 +105,7 @@ class RoutePlanner:
         bodies = (*arena.units, *(Disc(o.name, o.X_WB.x, o.X_WB.y, o.radius) for o in arena.obstacles))
         beside, around = (
             FreeSpace(self._box, tuple(b._replace(radius=b.radius + reach) for b in bodies))
-            for reach in (self._half_width + self._walls.margin_m, radius + self._walls.margin_m)
+            for reach in (self._half_width + self.walls.margin_m, radius + self.walls.margin_m)
         )
         beside = beside.opened_at(arena.X_WU.x, arena.X_WU.y)
         for distance in _STRAIGHT_M:
@@ -142,7 +147,7 @@ class RoutePlanner:
 
     def obstacle_disc(self, obstacle: ObstacleEstimate) -> Disc:
         """Return the disc that the controlled point keeps out of when it drives past an obstacle."""
-        radius = obstacle.radius + self._half_width + self._walls.margin_m
+        radius = obstacle.radius + self._half_width + self.walls.margin_m
         return Disc(obstacle.name, obstacle.X_WB.x, obstacle.X_WB.y, radius)
 
     def _around_disc(self, obstacle: ObstacleEstimate, margin: float) -> Disc:
@@ -152,7 +157,7 @@ class RoutePlanner:
         drives one of radius sqrt(R^2 - l^2).
         """
         disc = self.obstacle_disc(obstacle)
-        return disc._replace(radius=math.hypot(disc.radius + margin, self._offset))
+        return disc._replace(radius=math.hypot(disc.radius + margin, self.offset))
 
     def passing_side(
         self,
@@ -175,13 +180,13 @@ class RoutePlanner:
             The encounter, and the side: -1 right, +1 left, None if the path is free or no wall is possible.
         """
         centre = obstacle.X_WB.translation
-        half_width = obstacle.radius + self._half_width + self._walls.margin_m
-        encounter = find_encounter(path, centre, np.asarray(half_width), self._walls)
+        half_width = self.obstacle_disc(obstacle).radius
+        encounter = find_encounter(path, centre, np.asarray(half_width), self.walls)
         if not bool(encounter.blocked):
             return encounter, None
-        too_wide = half_width > self._walls.widest_m
+        too_wide = half_width > self.walls.widest_m
         too_soon = float(encounter.s) - s < self.spec.least_run_m
-        too_late = float(path.length) - float(encounter.s) < self._walls.before_end_m
+        too_late = float(path.length) - float(encounter.s) < self.walls.before_end_m
         if too_wide or too_soon or too_late:
             return encounter, None
         nearer = float(encounter.side)
@@ -197,7 +202,7 @@ class RoutePlanner:
         heading = float(encounter.heading)
         forward = np.array([math.cos(heading), math.sin(heading)])
         outward = side * np.array([-forward[1], forward[0]])
-        along = np.linspace(-0.5 * self._walls.ahead_m, 2.0 * self._walls.release_m(self._offset), 12)
+        along = np.linspace(-0.5 * self.walls.ahead_m, 2.0 * self.walls.release_m(self.offset), 12)
         lane = centre + (half_width + 0.02) * outward + along[:, None] * forward
         others = [self.obstacle_disc(o) for o in arena.obstacles if o.name != name]
         return self._free_space(arena, others).allows(lane)
@@ -217,11 +222,11 @@ class RoutePlanner:
             sides: dict[str, float] = {}
             stations: list[float] = []
             for obstacle in arena.obstacles:
-                encounter, side = self.passing_side(path, obstacle, arena, self._offset)
+                encounter, side = self.passing_side(path, obstacle, arena, self.offset)
                 if not bool(encounter.blocked):
                     continue
                 distance = min((abs(float(encounter.s) - s) for s in stations), default=math.inf)
-                if side is None or distance < self._walls.ahead_m + self._walls.release_m(self._offset):
+                if side is None or distance < self.walls.ahead_m + self.walls.release_m(self.offset):
                     break
                 sides[obstacle.name] = side
                 stations.append(float(encounter.s))
@@ -236,7 +241,7 @@ class RoutePlanner:
         squared = x * x + y * y
         curvature = 2.0 * y / squared if squared > 0.0 else math.inf
         if abs(curvature) < 1e-3:
-            if x > -self._offset:
+            if x > -self.offset:
                 return None
             curvature, length = 0.0, -x
         else:
@@ -245,7 +250,7 @@ class RoutePlanner:
             if radius < self.spec.least_radius_m or sweep > math.radians(self.spec.most_sweep_deg):
                 return None
             length = radius * sweep
-        if length < self._offset:
+        if length < self.offset:
             return None
         start = [arena.X_WU.x, arena.X_WU.y, X_WL.yaw - curvature * length]
         return Path(np.array(start), np.array([curvature, 0.0]), np.array([length, lead_in]))
@@ -257,7 +262,7 @@ class RoutePlanner:
         for lead_in in self.spec.lead_in_m:
             X_WL = end @ SE2(-lead_in, 0.0, 0.0)
             for radius in self.spec.turn_radius_m:
-                if radius <= self._offset:  # the axle cannot follow such an arc
+                if radius <= self.offset:  # the axle cannot follow such an arc
                     continue
                 path = self._path_around(space, arena, Goal(X_WL.x, X_WL.y, X_WL.yaw, radius), lead_in)
                 if path is not None:
@@ -269,13 +274,13 @@ class RoutePlanner:
         space = self._free_space(arena, [self._around_disc(o, margin) for o in arena.obstacles])
         end = self.spec.handover(arena.X_WD)
         for distance in self.spec.stage_m:
-            X_WP = end @ SE2(-distance - self._offset, 0.0, 0.0)
+            X_WP = end @ SE2(-distance - self.offset, 0.0, 0.0)
             remaining = np.linspace(X_WP.translation, end.translation, 40)
             is_there = math.hypot(X_WP.x - arena.X_WU.x, X_WP.y - arena.X_WU.y) < 0.1
             if is_there or not space.allows(remaining):
                 continue
             # The axle is to stop at P, so the path of the controlled point is longer by l.
-            path = self._path_around(space, arena, Goal(X_WP.x, X_WP.y), self._offset)
+            path = self._path_around(space, arena, Goal(X_WP.x, X_WP.y), self.offset)
             if path is None:
                 continue
             heading = float(path.at(path.length).heading)

@@ -70,7 +70,7 @@ class GuidedAssembler(Generic[State]):
         planner = RoutePlanner(
             params.route, params.walls, params.pace, setup.box, setup.offset, setup.half_width
         )
-        self._follower = RouteFollower(law, planner, params, setup)
+        self._follower = RouteFollower(law, planner, params.watch)
         self.authority = MovementAuthority(setup.limits, reaction_s)
         self.progress: AssemblyProgress | None = None
         self.path: AssemblyPath | None = None

@@ -13,8 +13,7 @@ from msrr_control.path_following.path import Path
 from msrr_control.planning.route import ArenaMap, Route
 from msrr_control.planning.route_monitor import RouteMonitor, as_obstacles
 from msrr_control.planning.route_planner import RoutePlanner
-from msrr_control.staging.parameters import RouteFollowingParams
-from msrr_control.staging.setup import AssemblySetup
+from msrr_control.staging.parameters import WatchSpec
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import AssemblyPath, AssemblyProgress, Twist, seconds
@@ -26,15 +25,9 @@ _LOGGED_SPACING_M = 0.05
 class RouteFollower(Generic[State]):
     """Follows one route after the other, with the state of the law on the present one."""
 
-    def __init__(
-        self,
-        law: PathFollowingLaw[State],
-        planner: RoutePlanner,
-        params: RouteFollowingParams,
-        setup: AssemblySetup,
-    ) -> None:
+    def __init__(self, law: PathFollowingLaw[State], planner: RoutePlanner, watch: WatchSpec) -> None:
         """Begin without a route."""
-        self._law, self._planner, self._params, self._setup = law, planner, params, setup
+        self._law, self._planner, self._watch = law, planner, watch
         self._monitor: RouteMonitor | None = None
         self._state: State | None = None
         self._furthest = (0.0, 0)  # arc length that counts as progress, and the time at which it was reached
@@ -44,10 +37,7 @@ class RouteFollower(Generic[State]):
     def set_route(self, route: Route, arena: ArenaMap) -> None:
         """Take up a route that was planned in ``arena``, without moving along it yet."""
         self._state = None
-        setup = self._setup
-        self._monitor = RouteMonitor(
-            route, self._planner, arena, self._params.walls, setup.half_width, setup.offset
-        )
+        self._monitor = RouteMonitor(route, self._planner, arena)
 
     def drop_route(self) -> None:
         """Give up the route."""
@@ -80,12 +70,12 @@ class RouteFollower(Generic[State]):
 
     def tip(self, X_WU: SE2) -> tuple[float, float]:
         """Return the controlled point in W [m]."""
-        offset = self._setup.offset
+        offset = self._planner.offset
         return X_WU.x + offset * math.cos(X_WU.yaw), X_WU.y + offset * math.sin(X_WU.yaw)
 
     def start(self, X_WU: SE2, twist: Twist, now_ns: int) -> None:
         """Start the law at the beginning of the path, with the controlled point l [m] ahead of the axle."""
-        self._start_law(X_WU, twist, self._setup.offset)
+        self._start_law(X_WU, twist, self._planner.offset)
         self._furthest = (0.0, now_ns)
 
     def restart(self, X_WU: SE2, twist: Twist, now_ns: int) -> None:
@@ -116,7 +106,7 @@ class RouteFollower(Generic[State]):
             raise RuntimeError("a step along a route on which the law was not started")
         monitor = self._monitored()
         pose = arena.X_WU.as_array()
-        wall, self._avoiding = monitor.wall(arena, offset_point(pose, self._setup.offset), s)
+        wall, self._avoiding = monitor.wall(arena, offset_point(pose, self._planner.offset), s)
         path, obstacles = monitor.route.path, as_obstacles(arena)
         if limit < float(path.length):
             path = self._until(path, max(limit, self.s))
@@ -132,7 +122,7 @@ class RouteFollower(Generic[State]):
 
     def time_without_progress(self, s: float, now_ns: int) -> float:
         """Return the time [s] since the unit, which is at ``s`` [m] now, last made enough progress."""
-        if s > self._furthest[0] + self._params.watch.stuck_m:
+        if s > self._furthest[0] + self._watch.stuck_m:
             self._furthest = (s, now_ns)
         return seconds(now_ns - self._furthest[1])
 
@@ -142,7 +132,7 @@ class RouteFollower(Generic[State]):
 
     def reason_to_replan(self, arena: ArenaMap) -> str | None:
         """Return why another route is needed, None if none is."""
-        monitor, watch = self._monitored(), self._params.watch
+        monitor, watch = self._monitored(), self._watch
         moved, turned = monitor.end_moved(arena.X_WD)
         if moved > watch.target_moved_m or turned > math.radians(watch.target_moved_deg):
             return f"the place in front of the port is {moved:.3f} m elsewhere"

@@ -93,7 +93,7 @@ class LongDistanceAssembler(Generic[State]):
         self._planner = RoutePlanner(
             params.route, params.walls, params.pace, setup.box, setup.offset, setup.half_width, setup.border
         )
-        self._follower = RouteFollower(law, self._planner, params, setup)
+        self._follower = RouteFollower(law, self._planner, params.watch)
         self.progress: AssemblyProgress | None = None
         self.path: AssemblyPath | None = None
         self._state, self._reason = AssemblyState.LOCALISE, "start"

@@ -33,7 +33,7 @@ def _straight(sides: dict[str, float] | None = None) -> Route:
 
 
 def _monitor(arena: ArenaMap, sides: dict[str, float] | None = None) -> RouteMonitor:
-    return RouteMonitor(_straight(sides), PLANNER, arena, WALLS, 0.1, 0.1)
+    return RouteMonitor(_straight(sides), PLANNER, arena)
 
 
 def test_a_route_in_a_world_that_stays_as_it_is_can_be_followed() -> None:

@@ -27,7 +27,7 @@ def follower() -> RouteFollower:
     planner = RoutePlanner(
         PARAMS.route, PARAMS.walls, PARAMS.pace, (-2.0, 2.0, -1.5, 1.5), setup.offset, setup.half_width
     )
-    return RouteFollower(C1PathFollowingLaw(PARAMS, setup.limits, setup.offset), planner, PARAMS, setup)
+    return RouteFollower(C1PathFollowingLaw(PARAMS, setup.limits, setup.offset), planner, PARAMS.watch)
 
 
 def _arena(X_WU: SE2, target: SE2 = X_WD) -> ArenaMap:
