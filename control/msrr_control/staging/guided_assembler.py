@@ -103,7 +103,7 @@ class GuidedAssembler(Generic[State]):
         self._previous_ns = now
         share, self._asked = self._share_passed(observation.passed), None
         decision = self._decide(observation, share)
-        self._report(observation)
+        self.progress = self._follower.progress(observation, self._stage, self.path, self._reason)
         return decision
 
     def _decide(self, observation: Observation, share: float) -> Twist | GiveUp | None:
@@ -290,12 +290,3 @@ class GuidedAssembler(Generic[State]):
         if waited > self._watch.lost_s:
             return observation.not_localised(waited)
         return STILL
-
-    def _report(self, observation: Observation) -> None:
-        if observation.arena is None:
-            self.progress = None
-            return
-        number = 0 if self.path is None else self.path.number
-        self.progress = self._follower.progress(
-            observation.arena.own.X_WB, observation.now_ns, self._stage, number, self._reason
-        )

@@ -13,6 +13,7 @@ from msrr_control.path_following.path import Path
 from msrr_control.planning.route import ArenaMap, Route
 from msrr_control.planning.route_monitor import RouteMonitor, as_obstacles
 from msrr_control.planning.route_planner import RoutePlanner
+from msrr_control.sequence.observation import Observation
 from msrr_control.staging.parameters import WatchSpec
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
@@ -142,17 +143,28 @@ class RouteFollower(Generic[State]):
                 return f"{deviation:.2f} m off the path"
         return monitor.reason_to_replan(arena, self.s, watch.moved_m)
 
-    def progress(self, X_WU: SE2, stamp_ns: int, state: str, path: int, reason: str) -> AssemblyProgress:
-        """Return the message for the log, with the assembler's state, the path's number and the reason."""
-        tip = self.tip(X_WU)
+    def progress(
+        self, observation: Observation, stage: str, path: AssemblyPath | None, reason: str
+    ) -> AssemblyProgress | None:
+        """Return the message for the log; None before the unit is localised.
+
+        Args:
+            observation: What is known now.
+            stage: What the unit does.
+            path: Path that is followed or was followed last; None before the first.
+            reason: Why it does that.
+        """
+        if observation.arena is None:
+            return None
+        tip = self.tip(observation.arena.own.X_WB)
         desired = reference = tip
         if self._state is not None:
             desired, reference = _as_tuple(self._state.desired), _as_tuple(self._state.guidance.position)
         route = None if self._monitor is None else self._monitor.route
         return AssemblyProgress(
-            stamp_ns=stamp_ns,
-            stage=state,
-            path=path,
+            stamp_ns=observation.now_ns,
+            stage=stage,
+            path=0 if path is None else path.number,
             tip=tip,
             desired=desired,
             reference=reference,

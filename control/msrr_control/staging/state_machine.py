@@ -124,7 +124,7 @@ class LongDistanceAssembler(Generic[State]):
             self._dt = seconds(now - self._previous_ns)
         self._previous_ns = now
         decision = self._decide(observation)
-        self._report(observation)
+        self.progress = self._follower.progress(observation, self._state.value, self.path, self._reason)
         return decision
 
     def _decide(self, observation: Observation) -> Twist | GiveUp | None:
@@ -308,12 +308,3 @@ class LongDistanceAssembler(Generic[State]):
 
     def _time_in_state(self, now: int) -> float:
         return 0.0 if self._since_ns is None else seconds(now - self._since_ns)
-
-    def _report(self, observation: Observation) -> None:
-        if observation.arena is None:
-            self.progress = None
-            return
-        number = 0 if self.path is None else self.path.number
-        self.progress = self._follower.progress(
-            observation.arena.own.X_WB, observation.now_ns, self._state.value, number, self._reason
-        )

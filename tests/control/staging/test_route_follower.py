@@ -8,12 +8,13 @@ from msrr_control.path_following.path import Path
 from msrr_control.planning.free_space import Disc
 from msrr_control.planning.route import ArenaMap, Route
 from msrr_control.planning.route_planner import RoutePlanner
+from msrr_control.sequence.observation import Observation
 from msrr_control.staging.parameters import AssemblyParams
 from msrr_control.staging.route_follower import RouteFollower
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.messages import Twist
+from msrr_scenes.messages import ArenaEstimate, GlobalPose, Twist
 
 S = 1_000_000_000
 PARAMS = AssemblyParams()
@@ -63,7 +64,10 @@ def test_it_drives_along_the_route_and_says_where_it_is(follower: RouteFollower)
         assert twist.w == pytest.approx(0.0, abs=1e-9)
         x += 0.02 * twist.v
     assert x > -0.9
-    progress = follower.progress(SE2(x, 0.0), 2 * S, "drive", 1, "because")
+    own = GlobalPose("a", 2 * S, SE2(x, 0.0), np.zeros((3, 3)))
+    arena = ArenaEstimate(2 * S, own, None, (), (), 2 * S)
+    progress = follower.progress(Observation(2 * S, arena=arena), "drive", None, "because")
+    assert progress is not None
     assert progress.tip == pytest.approx((x + 0.1, 0.0))
     assert progress.desired[0] == pytest.approx(-1.0 + progress.s, abs=0.01)
     assert (progress.length, progress.arc_end, progress.avoiding) == (pytest.approx(1.4), 0.0, None)
