@@ -25,7 +25,7 @@ class Knowledge:
     lanes: Lanes
     finder: RouteFinder
     travel: Travel
-    retreat_m: float = 0.5
+    retreat_m: float
 
     @classmethod
     def of(
