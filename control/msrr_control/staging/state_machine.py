@@ -106,11 +106,6 @@ class LongDistanceAssembler(Generic[State]):
         self._dt = 1.0 / setup.rate_hz
         self._paths, self._caution, self._came_back = 0, 0, False
 
-    @property
-    def state(self) -> AssemblyState:
-        """What the unit does."""
-        return self._state
-
     def reset(self, reason: str) -> None:
         """Begin again from wherever the unit stands, after the hand-over failed there."""
         self._paths, self._caution, self._came_back = 0, 0, True

@@ -19,7 +19,6 @@ from msrr_perception.detection.windows import (
 )
 from msrr_perception.kernels.lens import optic_of
 from msrr_perception.pose.target import TargetModel
-from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Detections, Exposure, Fetch, PoseEstimate
 
@@ -66,13 +65,8 @@ class OnboardVision:
             target: Camera and map of the tags.
             detector: Detector that reads tags from pixels.
             policy: Rules by which windows are cut.
-            full_every: Period of routine full frames [frames].
-
-        Raises:
-            SceneError: ``full_every`` is less than 1.
+            full_every: Period of routine full frames [frames], at least 1.
         """
-        if full_every < 1:
-            raise SceneError("vision: full_every must be at least 1")
         self.target = target
         self._optic = optic_of(target.lens)
         errors = target.corner_errors

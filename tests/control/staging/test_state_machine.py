@@ -319,7 +319,8 @@ def test_a_unit_that_is_carried_off_its_path_takes_another(aside_m: float, astra
     arena = Arena(SE2(-1.5, 0.3, 0.0))
     while arena.now_ns < 4e9:
         arena.step()
-    assert arena.assembler.state is AssemblyState.DRIVE
+    assert arena.assembler.progress is not None
+    assert arena.assembler.progress.stage == AssemblyState.DRIVE.value
     arena.X_WU = arena.X_WU @ SE2(0.0, aside_m, 0.0)
     assert arena.run().stands_before_the_port()
     off = [r for r in arena.reasons() if "off the path" in r]

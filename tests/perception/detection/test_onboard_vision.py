@@ -8,7 +8,6 @@ import pytest
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.detection.onboard_vision import OnboardVision
 from msrr_perception.pose.target import TargetModel
-from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, PoseEstimate, TagDetection
@@ -202,11 +201,6 @@ def test_a_tag_that_half_the_resolution_overlooks_is_found_in_the_same_pixels(
     assert _ids(found) == target.port_tags
     assert detector.calls["whole"] == detector.calls["half"] == len(fetched)
     assert found.windows == tuple(fetched)
-
-
-def test_a_wrong_parameter_is_refused(target: TargetModel) -> None:
-    with pytest.raises(SceneError, match="full_every"):
-        OnboardVision(target, PupilDetector(), full_every=0)
 
 
 def test_a_driver_may_take_the_next_picture_into_the_same_place(target: TargetModel, draw: Draw) -> None:
