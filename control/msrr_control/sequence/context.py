@@ -78,6 +78,7 @@ class StateMemory:
         doubted: Timer of the collision monitor stopping it because nobody knows where others are.
         sigma_lateral: Smallest standard deviation of the lateral estimate [m] on the way to the port, near
             which wheels that may spin make it larger; 0 in a stay that begins there.
+        frames: Number of frames in a row that agreed, as :meth:`frames_in_a_row` has counted them.
     """
 
     def __init__(self, since_ns: int) -> None:
