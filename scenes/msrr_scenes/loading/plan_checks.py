@@ -8,6 +8,7 @@ from msrr_scenes.errors import nearest
 from msrr_scenes.loading.lock_checks import lock_problems
 from msrr_scenes.loading.move_checks import move_problems
 from msrr_scenes.loading.problems import KeyPath, Problem
+from msrr_scenes.loading.reference_checks import unknown_unit
 from msrr_scenes.specs.faults import CameraBlackout, EncoderStuck, PortPlugged
 from msrr_scenes.specs.plan import DockStep, ancestors, in_order
 from msrr_scenes.specs.scene import Scene
@@ -47,9 +48,9 @@ def mission_problems(scene: Scene) -> list[Problem]:
         problems.append(Problem(("cameras", "overhead", "localisation"), text))
     for k, silence in enumerate(scene.radio.silences if scene.radio is not None else ()):
         for name in silence.units:
-            if name not in scene.units:
-                text = f"no unit named {name!r}{nearest(name, scene.units)} Units: {', '.join(scene.units)}"
-                problems.append(Problem(("radio", "silences", k, "units"), text))
+            unknown = unknown_unit(scene, name)
+            if unknown is not None:
+                problems.append(Problem(("radio", "silences", k, "units"), unknown))
     return problems
 
 
@@ -58,9 +59,9 @@ def _shape_problems(scene: Scene) -> Iterator[Problem]:
     for k, shape in enumerate(scene.shape or ()):
         path: KeyPath = scene.shape_key(k)
         for name in shape.tree or {} if shape.named else {}:
-            if name not in scene.units:
-                text = f"no unit named {name!r}{nearest(name, scene.units)} Units: {', '.join(scene.units)}"
-                yield Problem((*path, name), text)
+            unknown = unknown_unit(scene, name)
+            if unknown is not None:
+                yield Problem((*path, name), unknown)
         if shape.count > len(scene.units):
             text = f"{counted(shape.count, 'place')}, but {counted(len(scene.units), 'unit')}"
             text += "; add units, or take places out"

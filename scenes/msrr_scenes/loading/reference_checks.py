@@ -15,12 +15,19 @@ from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec
 
 
-def poses(scene: Scene) -> Iterator[tuple[KeyPath, str, PoseSpec]]:
-    """Yield key path, name and pose of every body, units first."""
+def _poses(scene: Scene) -> Iterator[tuple[KeyPath, PoseSpec]]:
+    """Yield key path and pose of every body, units first."""
     for name, unit in scene.units.items():
-        yield ("units", name, "pose"), name, unit.pose
+        yield ("units", name, "pose"), unit.pose
     for name, obstacle in scene.obstacles.items():
-        yield ("obstacles", name, "pose"), name, obstacle.pose
+        yield ("obstacles", name, "pose"), obstacle.pose
+
+
+def unknown_unit(scene: Scene, name: str) -> str | None:
+    """Return in words that a scene has no unit of a name; None if it has one."""
+    if name in scene.units:
+        return None
+    return f"no unit named {name!r}{nearest(name, scene.units)} Units: {', '.join(scene.units)}"
 
 
 def step_key(step: PlanStep) -> str:
@@ -39,8 +46,8 @@ def reference_problems(scene: Scene) -> list[Problem]:
     problems: list[Problem] = []
 
     def known(path: KeyPath, unit: str) -> None:
-        if unit not in scene.units:
-            text = f"no unit named {unit!r}{nearest(unit, scene.units)} Units: {', '.join(scene.units)}"
+        text = unknown_unit(scene, unit)
+        if text is not None:
             problems.append(Problem(path, text))
 
     for i, step in enumerate(scene.plan):
@@ -55,7 +62,7 @@ def reference_problems(scene: Scene) -> list[Problem]:
     for i, dock in enumerate(scene.assembled_docks):
         known(("assembled", i), dock.unit)
         known(("assembled", i), dock.target_unit)
-    for path, _, pose in poses(scene):
+    for path, pose in _poses(scene):
         frame = split_frame(pose.frame)
         if frame:
             known((*path, "frame"), frame[0])
@@ -168,7 +175,7 @@ def port_problems(scene: Scene) -> list[Problem]:
     for i, dock in enumerate(scene.assembled_docks):
         active(("assembled", i), dock.unit, dock.port)
         passive(("assembled", i), dock.target_unit, dock.target_port)
-    for path, _, pose in poses(scene):
+    for path, pose in _poses(scene):
         frame = split_frame(pose.frame)
         if frame:
             has((*path, "frame"), *frame)
