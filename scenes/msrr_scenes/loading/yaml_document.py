@@ -63,27 +63,22 @@ def read_text(path: Path) -> str:
         raise SceneError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
-    _refuse_large(text, str(path))
-    return text
-
-
-def _refuse_large(text: str, source: str) -> None:
     if len(text) > MAX_CHARACTERS:
-        raise SceneError(f"{source}: a file of more than {MAX_CHARACTERS} characters is refused")
+        raise SceneError(f"{path}: a file of more than {MAX_CHARACTERS} characters is refused")
+    return text
 
 
 def parse_document(text: str, source: str) -> YamlDocument:
     """Parse a scene file.
 
     Args:
-        text: Content of the file.
+        text: Content of the file, as :func:`read_text` returns it.
         source: Name of the file, for messages.
 
     Raises:
-        SceneError: The text is no YAML, no mapping or too large, gives a key twice, or holds a type that is
-            not plain.
+        SceneError: The text is no YAML or no mapping, gives a key twice, holds a type that is not plain, or
+            has too many values.
     """
-    _refuse_large(text, source)
     node = _compose(text, source)
     if not isinstance(node, yaml.MappingNode):
         found = "nothing" if node is None else "a list" if isinstance(node, yaml.SequenceNode) else "a value"
