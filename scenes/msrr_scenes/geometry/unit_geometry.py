@@ -134,6 +134,10 @@ class UnitGeometry:
                 f"{self.urdf}: no link named {name!r}; links: {', '.join(sorted(self.frames))}"
             ) from None
 
+    def name_in_urdf(self, link: str) -> str:
+        """Return the link of the URDF itself that a link of :meth:`tree` is, or has its pose in."""
+        return next((frame.link for frame in self.frame_map if frame.name == link), link)
+
     @property
     def drives(self) -> bool:
         """Whether it is a unit, and no fixture."""

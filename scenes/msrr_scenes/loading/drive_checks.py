@@ -73,10 +73,9 @@ def _too_heavy(scene: Scene, unit: str, weak: _Shortfall) -> str:
     links = geometry.link_tree.links
     masses = {name: Inertial.of(link.find("inertial")).mass for name, link in links.items()}
     heaviest = max(masses, key=lambda name: masses[name])
-    named = {frame.name: frame.link for frame in geometry.frame_map}.get(heaviest, heaviest)
     return (
         f"it weighs {whole_inertial(geometry.link_tree).mass:.4g} kg, {masses[heaviest]:.4g} kg of it link "
-        f"{named!r}. Motors of {scene.motors.torque_nm:g} N m on wheels of "
+        f"{geometry.name_in_urdf(heaviest)!r}. Motors of {scene.motors.torque_nm:g} N m on wheels of "
         f"{1e3 * geometry.wheel_radius:.3g} mm accelerate it by {weak.found:.3g} {weak.unit}, and "
         f"limits.{weak.key} promises {weak.promised:g}. A <mass> is in kg and an <inertia> in kg m^2; say in "
         f"motors.torque_nm how strong the motors are, or lower limits.{weak.key}"

@@ -12,10 +12,9 @@ _LIMITED = {"revolute": "continuous", "prismatic": "fixed"}
 
 def joint_problems(geometry: UnitGeometry) -> Iterator[str]:
     """Yield what PyBullet cannot simulate of the joints of a unit, in words that name link and joint."""
-    named = {frame.name: frame.link for frame in geometry.frame_map}
     for link, joint in geometry.link_tree.joints.items():
         kind = joint.attrib["type"]
-        where = f"link {named.get(link, link)!r}: joint {joint.get('name')!r} is {kind}"
+        where = f"link {geometry.name_in_urdf(link)!r}: joint {joint.get('name')!r} is {kind}"
         if kind == "floating":
             yield f"{where}, and PyBullet would hold it fast; make it a fixed one, or remove the link"
         elif kind in _LIMITED and joint.find("limit") is None:

@@ -109,10 +109,9 @@ def _without_mass(geometry: UnitGeometry) -> tuple[_Mistake, ...]:
     ]
     if not missing:
         return ()
-    own = {frame.name: frame.link for frame in geometry.frame_map}
     text = (
         f"no <inertial> with a mass above 0 and an <inertia>: "
-        f"{', '.join(own.get(name, name) for name in missing)}. Every link with a collision shape needs one; "
+        f"{', '.join(map(geometry.name_in_urdf, missing))}. Every link with a collision shape needs one; "
         "PyBullet would make up 1 kg for a wheel, a caster or a pin"
     )
     return (_Mistake(text),)
@@ -122,7 +121,6 @@ def _without_mass(geometry: UnitGeometry) -> tuple[_Mistake, ...]:
 def _impossible_inertia(geometry: UnitGeometry) -> tuple[_Mistake, ...]:
     """Find bodies with an inertia that none can have; PyBullet would take it to be zero."""
     tree = geometry.link_tree
-    named = {frame.name: frame.link for frame in geometry.frame_map}
     bodies = defaultdict[str, list[str]](list)
     for name in tree.links:
         bodies[_body(tree, name)].append(name)
@@ -133,7 +131,7 @@ def _impossible_inertia(geometry: UnitGeometry) -> tuple[_Mistake, ...]:
             try:
                 each[name] = Inertial.of(tree.links[name].find("inertial"))
             except GeometryError as error:
-                return (_Mistake(f"link {named.get(name, name)!r}: <inertial>: {error}"),)
+                return (_Mistake(f"link {geometry.name_in_urdf(name)!r}: <inertial>: {error}"),)
             whole += each[name].in_frame(tree.pose(name))
         if whole.mass > 0.0 and not _is_possible(whole):
             # One that is impossible by itself is to blame, or else a body of links that have no inertia.
@@ -141,7 +139,7 @@ def _impossible_inertia(geometry: UnitGeometry) -> tuple[_Mistake, ...]:
             moments = ", ".join(f"{moment:.3g}" for moment in each[wrong].moments)
             return (
                 _Mistake(
-                    f"link {named.get(wrong, wrong)!r} has an <inertia> that no body has: its principal "
+                    f"link {geometry.name_in_urdf(wrong)!r} has an <inertia> that no body has: its principal "
                     f"moments are {moments} kg m^2. Each of them is above 0, and less than the sum of the "
                     "other two"
                 ),

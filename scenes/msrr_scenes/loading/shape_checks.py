@@ -46,9 +46,8 @@ def shape_problems(geometry: UnitGeometry, arena_m: float) -> tuple[str, ...]:
 
 
 def _problems(geometry: UnitGeometry, arena_m: float) -> Iterator[str]:
-    named = {frame.name: frame.link for frame in geometry.frame_map}
     for link in geometry.link_tree.links.values():
-        name = named.get(link.attrib["name"], link.attrib["name"])
+        name = geometry.name_in_urdf(link.attrib["name"])
         for shape in (*link.findall("visual"), *link.findall("collision")):
             problem = _problem(name, shape) if shape.tag == "visual" else None
             problem = problem or _too_large(name, shape, arena_m)
@@ -61,7 +60,7 @@ def _problems(geometry: UnitGeometry, arena_m: float) -> Iterator[str]:
     for solid in geometry.solids:
         if solid.mesh is not None and len(hull_or_line(solid.outline())) < 3:
             yield (
-                f"link {named.get(solid.link, solid.link)!r}: its collision mesh {solid.mesh.name} is a line "
+                f"link {geometry.name_in_urdf(solid.link)!r}: its collision mesh {solid.mesh.name} is a line "
                 "seen from above; give it a thickness, because distances are those of areas on the ground"
             )
 
