@@ -12,7 +12,7 @@ from msrr_scenes.loading.camera_lenses import explained_fold
 from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.specs.deviations import Deviation
 from msrr_scenes.specs.scene import Scene
-from msrr_scenes.specs.sensors import CameraSpec
+from msrr_scenes.specs.sensors import FOV_DEG, CameraSpec
 
 #: The shipped renderer that draws the instants of an exposure and the distortion of a lens. Whether one of a
 #: user's own does is known when it is built (:class:`msrr_bullet.sensors.camera.Camera`).
@@ -21,8 +21,8 @@ _RENDERER = "raster"
 #: The shipped renderer that draws neither.
 _IDEAL_RENDERER = "tiny"
 
-#: Least and greatest horizontal field of view, and greatest ratio of the focal lengths, of a calibration.
-_FOV_DEG, _MOST_ASPECT = (5.0, 150.0), 2.0
+#: Greatest ratio of the focal lengths of a calibration.
+_MOST_ASPECT = 2.0
 
 
 def camera_problems(scene: Scene) -> Iterator[Problem]:
@@ -77,7 +77,7 @@ def _calibration_problems(name: str, spec: CameraSpec) -> Iterator[Problem]:
     elif folds is not None:
         yield Problem(path, f"{folds}; use coefficients that describe the whole frame")
     else:
-        fov_deg, (low, high) = math.degrees(sum(lens.field_of_view)), _FOV_DEG
+        fov_deg, (low, high) = math.degrees(sum(lens.field_of_view)), FOV_DEG
         if not low < fov_deg < high:
             text = f"it sees {fov_deg:.4g} deg along a row, and {low:g} .. {high:g} deg can be computed with"
             yield Problem(path, f"{text}; give fx_px in pixels")

@@ -135,7 +135,7 @@ def _triple(values: Array) -> tuple[float, float, float]:
 class UnitSpec(Spec):
     """One unit."""
 
-    number: int = Field(ge=0, le=49)
+    number: int = Field(ge=0, le=MAX_UNITS - 1)
     """Number n of the unit: its tags have the ids from 10 n on, that on top first, then those of the ports.
 
     Of the shipped unit, tag 10 n is on top, 10 n + 1 .. 10 n + 3 are the left, the middle and the right tag

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -37,7 +37,7 @@ class ShapeSpec(Spec):
 
     @model_validator(mode="after")
     def _exactly_one(self) -> ShapeSpec:
-        kinds = ("line", "tee", "cross", "comb", "zigzag", "tree")
+        kinds = (*get_args(Pattern), "tree")
         given = [kind for kind in kinds if getattr(self, kind) is not None]
         if len(given) != 1:
             found = ", ".join(given) or "none"
@@ -64,7 +64,7 @@ class ShapeSpec(Spec):
     def pattern(self) -> tuple[Pattern, int] | None:
         """The pattern and its number of units; None for a tree."""
         pattern: Pattern
-        for pattern in ("line", "tee", "cross", "comb", "zigzag"):
+        for pattern in get_args(Pattern):
             count: int | None = getattr(self, pattern)
             if count is not None:
                 return pattern, count

@@ -25,6 +25,11 @@ from msrr_scenes.specs.spec import (
     between,
 )
 
+#: Range of horizontal fields of view that can be computed with [deg].
+FOV_DEG = (5.0, 150.0)
+_FieldOfView = Annotated[float, Field(gt=FOV_DEG[0], lt=FOV_DEG[1])]
+#: Edge of a rendered image [px].
+_Edge = Annotated[int, Field(ge=16, le=4096)]
 #: Coefficient of a lens, which has no unit; real lenses have some tenths.
 _Coefficient = Annotated[float, between(-100.0, 100.0)]
 #: Focal length [px]; which ones there may be depends on the size of the image.
@@ -77,11 +82,11 @@ class CalibrationSpec(Spec):
 class CameraSpec(Spec):
     """The data sheet of a camera: optics, frame rate, latency, noise, and the renderer that stands for it."""
 
-    width_px: int = Field(default=640, ge=16, le=4096)
+    width_px: _Edge = 640
     """Width of the image [px]."""
-    height_px: int = Field(default=480, ge=16, le=4096)
+    height_px: _Edge = 480
     """Height of the image [px]."""
-    hfov_deg: float = Field(default=75.0, gt=5.0, lt=150.0)
+    hfov_deg: _FieldOfView = 75.0
     """Horizontal field of view of an ideal camera [deg]; a calibration takes its place."""
     calibration: CalibrationSpec | None = None
     """Intrinsics and distortion, by calibration; null for an ideal camera with ``hfov_deg``."""
@@ -177,11 +182,11 @@ class LocalisationErrorSpec(Spec):
 class OverheadCameraSpec(CameraSpec):
     """The camera that looks straight down on the arena; image right is world x, image down is world -y."""
 
-    width_px: int = Field(default=1280, ge=16, le=4096)
+    width_px: _Edge = 1280
     """Width of the image [px]."""
-    height_px: int = Field(default=960, ge=16, le=4096)
+    height_px: _Edge = 960
     """Height of the image [px]."""
-    hfov_deg: float = Field(default=67.0, gt=5.0, lt=150.0)
+    hfov_deg: _FieldOfView = 67.0
     """Horizontal field of view of an ideal camera [deg]; a calibration takes its place."""
     rate_hz: Rate = 10.0
     """Frame rate [Hz]."""

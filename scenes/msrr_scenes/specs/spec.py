@@ -89,8 +89,6 @@ class Spec(BaseModel):
         frozen=True,
         extra="forbid",
         allow_inf_nan=False,
-        strict=False,
-        arbitrary_types_allowed=True,
     )
 
     @classmethod

@@ -25,7 +25,7 @@ _JointName = Annotated[str, Field(min_length=1, max_length=255)]
 class TargetUnitSpec(Spec):
     """A unit as scenes describe it, to which the robot docks."""
 
-    number: int = Field(ge=0, lt=MAX_UNITS)
+    number: int = Field(ge=0, le=MAX_UNITS - 1)
     """Number n of the unit: its tags have the ids from 10 n on, as those of a unit of a scene."""
     urdf: FileName = "unit.urdf"
     """File name of the URDF: beside this file, in the working folder, or a shipped one."""
