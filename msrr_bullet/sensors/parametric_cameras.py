@@ -25,7 +25,6 @@ from msrr_scenes.messages import (
     SensorMessage,
     onboard_camera,
 )
-from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
@@ -102,21 +101,9 @@ class ParametricOnboardCamera:
         to_left, to_right = self.spec.lens.field_of_view
         left, right = (
             bearing if -to_right <= bearing <= to_left else None
-            for bearing in edge_bearings(X_DU @ self._X_UC, self._los)
+            for bearing in self._los.edge_bearings(X_DU @ self._X_UC)
         )
         return X_DU, (left, right)
-
-
-def edge_bearings(X_DC: SE2, los: LosSpec) -> tuple[float, float]:
-    """Return the true bearings (left, right) [rad] of the edges of the line-of-sight target.
-
-    Args:
-        X_DC: Pose of the camera in the dock frame; x of C is the optical axis.
-        los: Half-width b and setback s_b of the target.
-    """
-    edges = np.array([[los.setback_m, los.half_width_m], [los.setback_m, -los.half_width_m]])
-    p_C = X_DC.inverse().act(edges)
-    return math.atan2(p_C[0, 1], p_C[0, 0]), math.atan2(p_C[1, 1], p_C[1, 0])
 
 
 class ParametricOverheadCamera:

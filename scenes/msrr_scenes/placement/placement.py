@@ -67,9 +67,7 @@ def widest_edge(X_DU: SE2, geometry: UnitGeometry, los: LosSpec) -> float:
         geometry: Geometry of that unit.
         los: Target and cone.
     """
-    X_DC = X_DU @ geometry.frame("camera").to_se2()
-    edges = X_DC.inverse().act([[los.setback_m, los.half_width_m], [los.setback_m, -los.half_width_m]])
-    return float(np.abs(np.arctan2(edges[:, 1], edges[:, 0])).max())
+    return max(map(abs, los.edge_bearings(X_DU @ geometry.frame("camera").to_se2())))
 
 
 def close_range_steps(scene: Scene) -> dict[str, DockStep]:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.specs.spec import Choice, Distance, Duration, Length, Rate, Spec, Speed, Tolerance, between
 
 Plant = Literal["bullet", "unicycle"]
@@ -41,6 +42,16 @@ class LosSpec(Spec):
     def outer(self) -> float:
         """Angle th_out [rad]."""
         return math.radians(self.outer_deg)
+
+    def edge_bearings(self, X_DC: SE2) -> tuple[float, float]:
+        """Return the angles from the optical axis to the left and the right edge, to the left positive [rad].
+
+        Args:
+            X_DC: Pose of the camera in the dock frame; x of C is the optical axis.
+        """
+        edges = [[self.setback_m, self.half_width_m], [self.setback_m, -self.half_width_m]]
+        left, right = X_DC.inverse().act(edges).tolist()
+        return math.atan2(left[1], left[0]), math.atan2(right[1], right[0])
 
     def angle_at_contact(self, camera_to_face: float) -> float:
         """Return the edge angle [rad] of an aligned unit, its camera ``camera_to_face`` [m] off the face."""

@@ -10,7 +10,6 @@ import pytest
 
 from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.sensors.calibrated_sight import OnboardSight, OverheadSight
-from msrr_bullet.sensors.parametric_cameras import edge_bearings
 from msrr_bullet.trial.environment import Environment, open_environment
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.pose.joint_pose import joint_pose
@@ -55,7 +54,7 @@ def test_of_what_is_as_drawn_the_robot_makes_the_truth() -> None:
     assert_near(seen(true, X_DU), X_DU, 1e-6, 1e-6)
     _, bearings = true.see(X_DU)
     X_UC = of.geometry("a").frame("camera").to_se2()
-    assert bearings == pytest.approx(edge_bearings(X_DU @ X_UC, of.los), abs=5e-4)  # of rounded edges
+    assert bearings == pytest.approx(of.los.edge_bearings(X_DU @ X_UC), abs=5e-4)  # of rounded edges
 
 
 def test_behind_a_lens_that_it_is_told_the_robot_sees_the_truth() -> None:

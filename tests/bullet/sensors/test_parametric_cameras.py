@@ -16,9 +16,8 @@ from msrr_bullet.sensors.parametric_cameras import (
     MIN_SIGMA,
     ParametricOnboardCamera,
     ParametricOverheadCamera,
-    edge_bearings,
 )
-from msrr_perception.estimation.los import edge_bearings as bearings_of_the_robot
+from msrr_perception.estimation.los import edge_bearings
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.as_built import BuiltCamera
 from msrr_scenes.geometry.se2 import SE2
@@ -78,7 +77,7 @@ def test_errors_of_the_onboard_camera_have_the_stated_sizes() -> None:
         assert_sigma(errors[:, i], sigma)
     np.testing.assert_allclose(measured[0].covariance, np.diag(np.square(sigmas)))
     X_UC = of.geometry("a").frame("camera").to_se2()
-    true = edge_bearings(X_DU @ X_UC, of.los)
+    true = of.los.edge_bearings(X_DU @ X_UC)
     bearings = np.array([m.edge_bearings for m in measured], dtype=float)
     for side in range(2):
         assert_sigma(bearings[:, side] - true[side], math.radians(0.3))
@@ -88,8 +87,8 @@ def test_true_bearings_are_those_that_the_robot_expects() -> None:
     """The robot knows the tags, and the paper's line-of-sight target has rounded dimensions."""
     of = scene()
     X_UC = of.geometry("a").frame("camera").to_se2()
-    expected = bearings_of_the_robot(TargetModel.from_scene(of, of.plan[0]), X_DU)
-    assert edge_bearings(X_DU @ X_UC, of.los) == pytest.approx(expected, abs=2e-4)
+    expected = edge_bearings(TargetModel.from_scene(of, of.plan[0]), X_DU)
+    assert of.los.edge_bearings(X_DU @ X_UC) == pytest.approx(expected, abs=2e-4)
 
 
 def test_without_errors_the_measurement_is_true_and_the_covariance_is_not_zero() -> None:
@@ -106,7 +105,7 @@ def test_an_edge_outside_the_field_of_view_is_not_measured() -> None:
     numbers = set()
     for yaw in np.linspace(-math.pi, math.pi, 61):
         X = SE2(-0.5, 0.0, float(yaw))
-        visible = [abs(bearing) <= half_fov for bearing in edge_bearings(X @ X_UC, of.los)]
+        visible = [abs(bearing) <= half_fov for bearing in of.los.edge_bearings(X @ X_UC)]
         measured = onboard(of, X, count=1)[0]
         assert (measured is not None) is any(visible)
         if measured is not None:
