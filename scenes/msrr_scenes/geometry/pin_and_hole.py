@@ -11,7 +11,6 @@ from itertools import product
 import numpy as np
 
 from msrr_scenes.arrays import Array
-from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import hull_or_line
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
@@ -68,18 +67,6 @@ class PinAndHole:
         return _measure(unit, port, target, target_port)
 
 
-def pin_length(unit: UnitGeometry, port: str) -> float:
-    """Return the length of the pins of an active port, from the plane of the face to the tips [m].
-
-    Raises:
-        GeometryError: The unit has no pins.
-    """
-    tips = [float(solid.points()[:, 0].max()) for solid in unit.solids if solid.link in unit.pins]
-    if not tips:
-        raise GeometryError(f"{unit.urdf}: no link named pin_* has a collision shape; a unit docks by pins")
-    return max(tips) - unit.control_offset(port)
-
-
 def bounds(unit: UnitGeometry, link: str, X_FU: SE3) -> Array | None:
     """Return lowest and highest x, y, z of the shapes of a link in a frame F, shape (2, 3) [m].
 
@@ -94,7 +81,8 @@ def bounds(unit: UnitGeometry, link: str, X_FU: SE3) -> Array | None:
 
 @lru_cache(maxsize=64)
 def _measure(unit: UnitGeometry, port: str, target: UnitGeometry, target_port: str) -> PinAndHole:
-    length = pin_length(unit, port)
+    tips = max(float(solid.points()[:, 0].max()) for solid in unit.pin_solids())
+    length = tips - unit.control_offset(port)
     X_PU, X_DT = (SE3.from_se2(X.inverse()) for X in (unit.port(port), target.dock_frame(target_port)))
     ends = {f"port_{target_port}_hole_{side}" for side in ("left", "right")}
     walls = {solid.link for solid in target.solids} - ends - set(target.pins)

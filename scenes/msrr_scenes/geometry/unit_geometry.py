@@ -187,12 +187,20 @@ class UnitGeometry:
         Raises:
             GeometryError: The unit has no pins.
         """
-        heights = [float(solid.X_UG.p[2]) for solid in self.solids if solid.link.startswith("pin_")]
-        if not heights:
+        return float(np.mean([float(solid.X_UG.p[2]) for solid in self.pin_solids()]))
+
+    def pin_solids(self) -> list[Solid]:
+        """Return the collision shapes of the pins, one at least.
+
+        Raises:
+            GeometryError: The unit has no pins.
+        """
+        found = [solid for solid in self.solids if solid.link in self.pins]
+        if not found:
             raise GeometryError(
                 f"{self.urdf}: no link named pin_* has a collision shape; a unit docks by pins"
             )
-        return float(np.mean(heights))
+        return found
 
     @cached_property
     def tag_slots(self) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.frame_map import FrameMap, apply_frame_map
 from msrr_scenes.geometry.urdf_joints import check_joints, joint_axis, write_unit_axes
-from msrr_scenes.geometry.urdf_tree import LinkTree, three_numbers
+from msrr_scenes.geometry.urdf_tree import LinkTree, xyz_of
 
 _WHEELS = ("wheel_left", "wheel_right")
 
@@ -56,8 +56,7 @@ def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
         for name in _WHEELS:
             axis, forward = _wheel_axis(links, name)
             if forward < 0.0:
-                xyz = np.array(three_numbers(axis, "xyz"))
-                axis.set("xyz", " ".join(repr(float(a)) for a in -xyz))
+                axis.set("xyz", " ".join(repr(float(a)) for a in -xyz_of(axis)))
     return tree
 
 
@@ -214,7 +213,7 @@ def _wheel_axis(tree: LinkTree, wheel: str) -> tuple[Element, float]:
     if joint is None or kind != "continuous":
         raise GeometryError(f"{tree.path}: the joint of {wheel!r} has to be continuous, found {kind}")
     axis = joint_axis(joint)
-    xyz = np.array(three_numbers(axis, "xyz"))
+    xyz = xyz_of(axis)
     y = tree.frames[wheel].R @ (xyz / np.linalg.norm(xyz))
     if abs(y[1]) < 1.0 - 0.5 * _ALONG**2:
         raise GeometryError(

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from msrr_scenes.errors import GeometryError, nearest
-from msrr_scenes.geometry.urdf_tree import one_number, three_numbers, urdf_origin
+from msrr_scenes.geometry.urdf_tree import one_number, urdf_origin, xyz_of
 
 _TYPES = ("fixed", "continuous", "revolute", "prismatic", "planar", "spherical", "floating")
 
@@ -62,7 +62,7 @@ def write_unit_axes(root: Element) -> None:
     for joint in root.findall("joint"):
         if joint.get("type") != "fixed":
             axis = joint_axis(joint)
-            xyz = np.array(three_numbers(axis, "xyz"))
+            xyz = xyz_of(axis)
             length = float(np.linalg.norm(xyz))
             if abs(length - 1.0) > _ROUNDING:
                 axis.set("xyz", " ".join(map(repr, (xyz / length).tolist())))
@@ -81,7 +81,7 @@ def _check_motion(joint: Element) -> None:
     if kind == "fixed":
         return
     axis = joint.find("axis")
-    if axis is not None and not any(three_numbers(axis, "xyz")):
+    if axis is not None and not xyz_of(axis).any():
         raise GeometryError("its <axis> has no direction")
     for tag, keys in _NUMBERS.items():
         for element in joint.findall(tag):

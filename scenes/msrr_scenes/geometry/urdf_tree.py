@@ -7,6 +7,9 @@ from functools import cached_property, lru_cache
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
+from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
 
@@ -39,13 +42,13 @@ def _pose(origin: _Origin) -> SE3:
     return SE3.from_xyz_rpy(xyz, rpy)
 
 
-def three_numbers(element: Element, key: str) -> list[float]:
-    """Return the numbers of an attribute of a URDF that has three of them; zeros if it is not there.
+def xyz_of(element: Element) -> Array:
+    """Return the attribute ``xyz`` of an element of a URDF, shape (3,); zeros if it is not there.
 
     Raises:
         GeometryError: It has something else than three finite numbers.
     """
-    return _numbers(element, key, 3, "three numbers")
+    return np.array(_floats(element.tag, "xyz", element.get("xyz", "0 0 0"), 3, "three numbers"))
 
 
 def one_number(element: Element, key: str) -> float:
@@ -54,11 +57,7 @@ def one_number(element: Element, key: str) -> float:
     Raises:
         GeometryError: It has something else than one finite number.
     """
-    return _numbers(element, key, 1, "a number")[0]
-
-
-def _numbers(element: Element, key: str, count: int, wanted: str) -> list[float]:
-    return _floats(element.tag, key, element.get(key, " ".join(count * "0")), count, wanted)
+    return _floats(element.tag, key, element.get(key, "0"), 1, "a number")[0]
 
 
 def _floats(tag: str, key: str, text: str, count: int, wanted: str) -> list[float]:

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from msrr_scenes.errors import GeometryError
-from msrr_scenes.geometry.pin_and_hole import PinAndHole, pin_length
+from msrr_scenes.geometry.pin_and_hole import PinAndHole
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
 from msrr_scenes.geometry.solid import Solid
@@ -123,8 +123,9 @@ def test_round_pins_and_pins_from_a_mesh_are_as_wide_as_they_are(tmp_path: Path)
     mesh = tmp_path / "pin.obj"
     mesh.write_text("".join(f"v {x:.9f} {y:.9f} {z:.9f}\n" for x, y, z in points))
     drawn = Solid("pin_left", "mesh", PIN.X_UG, (1.0, 1.0, 1.0), mesh)
-    assert measured(with_pins(drawn), with_hole(*walls)) == (0.004, 0.004)
-    assert pin_length(with_pins(drawn), "front") == pytest.approx(LENGTH, abs=1e-8)
+    found = PinAndHole.of(with_pins(drawn), "front", with_hole(*walls), "rear")
+    assert (found.mouth, found.play) == (0.004, 0.004)
+    assert found.pin_length == pytest.approx(LENGTH, abs=1e-8)
 
 
 @pytest.mark.parametrize("thick_first", [False, True])
