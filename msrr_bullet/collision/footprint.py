@@ -18,6 +18,7 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.solid import Solid, convex_hull
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
+from msrr_scenes.placement.start_regions import obstacle_outline
 from msrr_scenes.specs.bodies import BoxSpec, CylinderSpec
 
 #: Two parts are merged when no point of their common hull is farther than this from the body [m].
@@ -195,5 +196,4 @@ def obstacle_parts(spec: CylinderSpec | BoxSpec) -> tuple[Part, ...]:
     """Return the footprint of an obstacle in frame B, whose origin is the middle of the base."""
     if isinstance(spec, CylinderSpec):
         return (Part.disc(0.0, 0.0, spec.radius_m),)
-    x, y = 0.5 * spec.length_m, 0.5 * spec.width_m
-    return (Part(np.array([[-x, -y], [x, -y], [x, y], [-x, y]]).round(DECIMALS)),)
+    return (Part(obstacle_outline(spec).round(DECIMALS)),)
