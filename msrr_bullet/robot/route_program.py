@@ -10,7 +10,6 @@ from msrr_bullet.robot.overhead_localizer import OverheadLocalizer
 from msrr_bullet.robot.wheel_speed import WheelSpeed
 from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.staging.guided_assembler import GuidedAssembler
-from msrr_perception.pose.target import TargetModel
 from msrr_scenes.messages import (
     Action,
     ArenaEstimate,
@@ -40,7 +39,6 @@ class RouteProgram:
         self,
         scene: Scene,
         unit: str,
-        port: str,
         guided: GuidedAssembler[Any],
         overhead: OverheadLocalizer,
         profiler: Profiler | None = None,
@@ -50,15 +48,14 @@ class RouteProgram:
         Args:
             scene: Geometry, data sheets and parameters.
             unit: Name of the unit.
-            port: Its active port, whose face is the controlled point.
             guided: Drives the route.
             overhead: Knows where all bodies are; it is fed by others.
             profiler: Measures the time of the collision monitor.
         """
-        drive = TargetModel.without_target(scene, unit, port)
+        geometry = scene.geometry(unit)
         self._unit, self._guided, self._overhead = unit, guided, overhead
         self.guard = CollisionMonitor(scene, unit)
-        self._speed = WheelSpeed(drive.wheel_radius, drive.track)
+        self._speed = WheelSpeed(geometry.wheel_radius, geometry.track)
         self._profiler = profiler or NullProfiler()
         self.phase = Phase.ASSEMBLE
         self.arena: ArenaEstimate | None = None

@@ -49,7 +49,7 @@ class UnitPrograms:
         """
         guided = self._guided(AssemblySetup.without_target(self._scene, self._unit, ACTIVE_PORT))
         self.overhead.aim(None)
-        program = RouteProgram(self._scene, self._unit, ACTIVE_PORT, guided, self.overhead, self._profiler)
+        program = RouteProgram(self._scene, self._unit, guided, self.overhead, self._profiler)
         return program, guided
 
     def at_port(self, step: DockStep, docked: bool = False) -> tuple[Autonomy, GuidedAssembler[Any]]:
