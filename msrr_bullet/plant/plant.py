@@ -270,17 +270,9 @@ class Plant(ABC):
         try:
             return self._mechanisms[unit]
         except KeyError:
-            raise NoDockError(unit) from None
+            raise MsrrError(f"unit {unit!r} has no docking target yet; call begin_dock first") from None
 
 
 def tick_ns(tick: int, physics_hz: float) -> int:
     """Return the time of a physics tick, rounded to a nanosecond."""
     return round(tick * NS_PER_S / physics_hz)
-
-
-class NoDockError(MsrrError):
-    """A port mechanism is used before the unit has begun to dock."""
-
-    def __init__(self, unit: str) -> None:
-        """Name the unit."""
-        super().__init__(f"unit {unit!r} has no docking target yet; call begin_dock first")

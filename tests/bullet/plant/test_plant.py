@@ -5,7 +5,7 @@ import math
 import pytest
 
 from msrr_bullet.plant.lock_actuator import MAX_PULL_DISPLACEMENT
-from msrr_bullet.plant.plant import NoDockError, Plant, tick_ns
+from msrr_bullet.plant.plant import Plant, tick_ns
 from msrr_scenes.errors import MsrrError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import LockPosition, Twist
@@ -218,7 +218,7 @@ def test_a_plug_keeps_the_pins_from_the_seat_until_it_is_removed(bench, kind):
 @pytest.mark.parametrize("kind", PLANTS)
 def test_misuse_is_refused_by_name(bench, kind):
     with bench(kind, BEFORE) as b:
-        with pytest.raises(NoDockError, match="'b' has no docking target"):
+        with pytest.raises(MsrrError, match="'b' has no docking target"):
             b.plant.set_lock("b", True)
         with pytest.raises(UnknownNameError, match="unknown unit 'c'"):
             b.plant.command("c", Twist())
