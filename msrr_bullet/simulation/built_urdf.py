@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from msrr_bullet.simulation.urdf_welding import joint_of
 from msrr_scenes.arrays import Array
 from msrr_scenes.as_built import BuiltDrive, BuiltUnit
-from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.inertial import INERTIA
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import Solid, read_solid
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
@@ -26,8 +26,6 @@ _BEHIND_M = 0.0003
 
 #: Edge below which a box is not cut any more [m].
 _THINNEST_M = 0.0005
-
-_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 def build(
@@ -43,9 +41,6 @@ def build(
         drawn: Its geometry.
         built: The unit as it was built.
         plate_sizes: Edge of the plate of every tag that can be seen [m], by link.
-
-    Raises:
-        GeometryError: A wheel is not as drawn, and its shape has no radius that could be changed.
     """
     robot = tree.getroot()
     moved = [slot for slot in drawn.tag_slots if built.geometry.frame(slot) is not drawn.frame(slot)]
@@ -186,21 +181,15 @@ def _build_wheels(robot: Element, drawn: UnitGeometry, drive: BuiltDrive) -> Non
         shift = drawn.frame(parent.attrib["link"]).R.T @ shift_U
         set_origin(joint, SE3(np.eye(3), shift) @ urdf_origin(joint.find("origin")))
         if scale != 1.0:
-            _scale_radius(robot, drawn, name, scale)
+            _scale_radius(robot, name, scale)
 
 
-def _scale_radius(robot: Element, drawn: UnitGeometry, name: str, scale: float) -> None:
-    for link in robot.findall("link"):
-        if link.attrib["name"] != name:
-            continue
-        if not [e for e in link.findall("collision/geometry/*") if "radius" in e.attrib]:
-            raise GeometryError(
-                f"{drawn.urdf}: the shape of link {name!r} has no radius, so as_built.drive cannot "
-                "change it; make it a sphere or a cylinder"
-            )
-        for shape in (*link.findall("collision/geometry/*"), *link.findall("visual/geometry/*")):
-            if "radius" in shape.attrib:
-                shape.set("radius", repr(scale * float(shape.attrib["radius"])))
+def _scale_radius(robot: Element, wheel: str, scale: float) -> None:
+    """Scale the round shapes of a wheel; read_unit has checked that it has one to roll on."""
+    link = next(link for link in robot.findall("link") if link.attrib["name"] == wheel)
+    for shape in (*link.findall("collision/geometry/*"), *link.findall("visual/geometry/*")):
+        if "radius" in shape.attrib:
+            shape.set("radius", repr(scale * float(shape.attrib["radius"])))
 
 
 def _scale_masses(robot: Element, scale: float) -> None:
@@ -208,6 +197,6 @@ def _scale_masses(robot: Element, scale: float) -> None:
         mass, inertia = inertial.find("mass"), inertial.find("inertia")
         if mass is not None:
             mass.set("value", repr(scale * float(mass.attrib["value"])))
-        for moment in _MOMENTS if inertia is not None else ():
+        for moment in INERTIA if inertia is not None else ():
             assert inertia is not None
             inertia.set(moment, repr(scale * float(inertia.get(moment, "0"))))

@@ -191,14 +191,11 @@ class BulletWorld:
     def link_pose(self, name: str, link: str) -> SE3:
         """Return the true pose ``X_WL`` of a link of a unit, the wheels by their present angles."""
         unit = self.unit(name)
-        if link not in unit.links and link in unit.geometry.frames:
-            # The link was welded, and to the root, because the wheels carry no other link.
-            return self.pose3(name) @ unit.geometry.frame(link)
-        index = unit.link(link)
-        if index == ROOT:
+        # A link that is missing was welded, and to the root, because the wheels carry no other link.
+        if link in unit.geometry.frames and unit.links.get(link, ROOT) == ROOT:
             return self.pose3(name) @ unit.geometry.frame(link)
         state = pybullet.getLinkState(
-            unit.body, index, computeForwardKinematics=True, physicsClientId=self.client
+            unit.body, unit.link(link), computeForwardKinematics=True, physicsClientId=self.client
         )
         return SE3.from_quaternion_xyzw(state[4], state[5])
 

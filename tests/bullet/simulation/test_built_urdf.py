@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -17,7 +16,6 @@ from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.as_built import AsBuilt, draw_as_built
-from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -126,12 +124,3 @@ def test_a_unit_on_other_wheels_stands_level_at_the_same_height() -> None:
     drawn = of.geometry("a")
     assert [w.p[1] for w in wheels] == pytest.approx([0.55 * drawn.track, -0.55 * drawn.track], abs=1e-6)
     assert [w.p[2] for w in wheels] == pytest.approx([r * drawn.wheel_radius for r in (1.05, 0.95)], abs=1e-6)
-
-
-def test_wheels_without_a_radius_cannot_be_other_than_drawn(tmp_path: Path) -> None:
-    of: Any = scene("{drive: {radius_left_percent: 5}}")
-    tree = of.geometry("a").tree()
-    for shape in tree.getroot().iterfind("link[@name='wheel_left']/collision/geometry/sphere"):
-        shape.tag, shape.attrib = "box", {"size": "0.06 0.02 0.06"}
-    with pytest.raises(GeometryError, match=r"wheel_left.*make it a sphere or a cylinder"):
-        build(tree, of.geometry("a"), draw_as_built(of, 0).units["a"])
