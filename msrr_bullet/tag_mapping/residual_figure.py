@@ -76,7 +76,7 @@ def _scatter(axes: Axes, tag_map: TagMap, places: Sequence[float], label: str) -
 
 
 def _bars(axes: Axes, sightings: Sequence[MappedSighting], keys: Sequence[str], label: str) -> None:
-    """Draw the root mean square of what was used, by key, in the keys' order of appearance."""
+    """Draw the root mean square of what was used, by key: numbers in order, names by their lengths."""
     names = sorted(set(keys), key=lambda key: (len(key), key))
     values = []
     for name in names:
