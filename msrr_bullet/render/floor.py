@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property
 
 import cv2
 import numpy as np
@@ -126,24 +126,15 @@ def _pyramid(texture: Image) -> tuple[Image, ...]:
     return tuple(levels)
 
 
-@lru_cache(maxsize=4)
-def concrete_floor(
-    mean: float = 105.0, contrast: float = 4.0, wall: float = 160.0, period: float = 2.0, texels: int = 1024
-) -> Floor:
-    """Return a mottled grey floor with faint joints, the same in every trial.
-
-    Args:
-        mean: Mean grey level.
-        contrast: Standard deviation of the mottling [grey levels].
-        wall: Grey level above the horizon.
-        period: Distance after which the texture repeats [m]; joints run every quarter of it.
-        texels: Edge of the texture, a power of two.
-    """
-    return Floor(lambda: _concrete(mean, contrast, texels), period, wall)
+@cache
+def concrete_floor() -> Floor:
+    """Return a mottled grey floor with faint joints every half metre, the same in every trial."""
+    return Floor(_concrete, period=2.0, wall=160.0)
 
 
-def _concrete(mean: float, contrast: float, texels: int) -> Image:
-    """Return the texture of :func:`concrete_floor`, shape (texels, texels) [grey levels]."""
+def _concrete() -> Image:
+    """Return the texture of :func:`concrete_floor`, shape (1024, 1024) [grey levels]."""
+    texels, mean, contrast = 1024, 105.0, 4.0  # contrast: standard deviation of the mottling
     rng = np.random.Generator(np.random.PCG64(0xF100))
     spectrum = np.fft.rfft2(rng.standard_normal((texels, texels)))
     # As on natural surfaces the amplitude falls with the frequency, from patches of decimetres to grains.
@@ -152,7 +143,7 @@ def _concrete(mean: float, contrast: float, texels: int) -> Image:
     texture: Array = np.fft.irfft2(spectrum, s=(texels, texels))
     texture *= contrast / texture.std()
     texture += mean
-    joint = np.arange(texels) % (texels // 4) < max(texels // 512, 1)
+    joint = np.arange(texels) % (texels // 4) < 2
     texture[joint, :] -= 2.0 * contrast
     texture[:, joint] -= 2.0 * contrast
     return texture.astype(np.float32)

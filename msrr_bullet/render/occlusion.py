@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from msrr_bullet.render.renderer import NEAR_M
 from msrr_scenes.arrays import Array
-
-#: Nothing nearer to the camera is drawn, so that a camera may sit inside a body [m].
-_NEAR_M = 0.01
 
 #: A surface hides what lies farther behind it than this [m]: a tag lies on its plate.
 _BEHIND_M = 1e-3
@@ -39,5 +37,5 @@ def hidden_points(points_C: Array, triangles_C: Array) -> Array:
     inside = (parts <= 0.0).all(axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = points_C[:, 2:] * volume / parts.sum(axis=0)
-    between = (depth > _NEAR_M) & (depth < points_C[:, 2:] - _BEHIND_M)
+    between = (depth > NEAR_M) & (depth < points_C[:, 2:] - _BEHIND_M)
     return np.asarray((inside & between).any(axis=1))

@@ -12,6 +12,13 @@ from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
 
+#: Nothing nearer to a camera is drawn, so that one may sit inside a body [m].
+NEAR_M = 0.01
+
+#: The light of the scene: where it comes from, and its share that reaches every surface, and that which
+#: reaches what faces it.
+TOWARDS_LIGHT, AMBIENT, DIFFUSE = (-0.45, 0.25, 0.86), 0.6, 0.4
+
 
 class Renderer(Protocol):
     """Draws the simulated world as it stands when it is called, for one camera or for several in turns."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.render.floor import Floor
-from msrr_bullet.render.renderer import RenderContext
+from msrr_bullet.render.renderer import AMBIENT, DIFFUSE, NEAR_M, TOWARDS_LIGHT, RenderContext
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError, SceneError
@@ -23,8 +23,8 @@ from msrr_scenes.temporary_files import room_for_temporary_files
 #: From the optical frame (y down, z forward) to OpenGL's eye frame (y up, z backward).
 _X_CG = SE3(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
 
-#: Clip planes [m]. The near one lets a camera sit inside a mast: nothing of interest is nearer than that.
-_NEAR, _FAR = 0.01, 60.0
+#: Distance of the far clip plane [m].
+_FAR = 60.0
 
 #: Depth that TinyRenderer leaves where no body was drawn, less its rounding.
 _BACKGROUND_DEPTH = 0.99999
@@ -90,12 +90,12 @@ class TinyRenderer:
             viewMatrix=view,
             projectionMatrix=_column_major(projection),
             # PyBullet keeps the light of the call before for every argument that is left out.
-            lightDirection=[-0.45, 0.25, 0.86],
+            lightDirection=TOWARDS_LIGHT,
             lightColor=[1.0, 1.0, 1.0],
             lightDistance=10.0,
             shadow=0,
-            lightAmbientCoeff=0.6,
-            lightDiffuseCoeff=0.4,
+            lightAmbientCoeff=AMBIENT,
+            lightDiffuseCoeff=DIFFUSE,
             lightSpecularCoeff=0.0,
             renderer=pybullet.ER_TINY_RENDERER,
             flags=pybullet.ER_NO_SEGMENTATION_MASK,
@@ -187,12 +187,12 @@ def window_projection(camera: PinholeCamera, window: Window, shift: Array) -> Ar
     y = camera.cy - window.y - float(shift[1])
     middle_x = 2.0 * x / w - 1.0
     middle_y = 1.0 - 2.0 * (y + 1.0) / h
-    depth = _FAR - _NEAR
+    depth = _FAR - NEAR_M
     return np.array(
         [
             [2.0 * camera.focal / w, 0.0, -middle_x, 0.0],
             [0.0, 2.0 * camera.focal / h, -middle_y, 0.0],
-            [0.0, 0.0, -(_FAR + _NEAR) / depth, -2.0 * _FAR * _NEAR / depth],
+            [0.0, 0.0, -(_FAR + NEAR_M) / depth, -2.0 * _FAR * NEAR_M / depth],
             [0.0, 0.0, -1.0, 0.0],
         ]
     )

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from msrr_bullet.built_poses import camera_pose, obstacle_tag_pose, overhead_camera_pose
+from msrr_bullet.render.renderer import NEAR_M
 from msrr_perception.pose.joint_pose import joint_pose
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
@@ -23,9 +24,6 @@ from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.messages import OVERHEAD, Detections, Exposure, TagDetection
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
-
-#: Distance in front of the camera below which nothing is seen [m].
-_NEAR_M = 0.01
 
 Bearings = tuple[float | None, float | None]
 
@@ -141,6 +139,6 @@ class _TrueCamera:
         tags = []
         for tag_id, corners in corners_A.items():
             p_C = X_CA.act(corners)
-            if p_C[:, 2].min() > _NEAR_M and self._lens.sees(p_C).all():
+            if p_C[:, 2].min() > NEAR_M and self._lens.sees(p_C).all():
                 tags.append(TagDetection(tag_id, told.undistorted(self._built.project(p_C))))
         return tuple(tags)

@@ -26,18 +26,14 @@ from msrr_bullet.render.raster.kernels.sample_positions import CELL_SAMPLES, SAM
 from msrr_bullet.render.raster.lens_map import LensMap
 from msrr_bullet.render.raster.memory import untouched
 from msrr_bullet.render.raster.mesh import box
+from msrr_bullet.render.renderer import AMBIENT, DIFFUSE, NEAR_M, TOWARDS_LIGHT
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
 
-#: Nothing nearer is drawn, so that a camera may sit inside a body [m].
-_NEAR = 0.01
-
-#: The light of the scene, the same as in TinyRenderer.
-_TOWARDS_LIGHT = np.array([-0.45, 0.25, 0.86])
-_LIGHT = Light(_TOWARDS_LIGHT / np.linalg.norm(_TOWARDS_LIGHT), ambient=0.6, diffuse=0.4)
+_LIGHT = Light(np.array(TOWARDS_LIGHT) / np.linalg.norm(TOWARDS_LIGHT), AMBIENT, DIFFUSE)
 
 
 class Rasterizer:
@@ -123,7 +119,7 @@ def _view(camera: PinholeCamera, window: Window) -> View:
         window.y,
         window.width,
         window.height,
-        _NEAR,
+        NEAR_M,
     )
 
 
