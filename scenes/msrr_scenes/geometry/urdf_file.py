@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, ParseError, parse
@@ -98,15 +99,20 @@ def read_drawn_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
     for element in tree.iter():
         if _XACRO.match(element.tag):
             raise GeometryError(f"{path}: holds macros; expand them first: xacro {path.name} > robot.urdf")
-        if element.tag in ("mesh", "texture") and "filename" in element.attrib:
-            element.set("filename", str(named_file(path, element.attrib["filename"])))
     root = tree.getroot()
+    for element in elements_with_files(root):
+        element.set("filename", str(named_file(path, element.attrib["filename"])))
     _check_names(path, root)
     check_joints(path, root)
     _check_one_tree(path, root)
     if frames:
         apply_frame_map(path, root, frames)
     return tree
+
+
+def elements_with_files(root: Element) -> Iterator[Element]:
+    """Yield the elements of a URDF that name its files, meshes and textures; a plugin is of no use here."""
+    return (e for e in root.iter() if e.tag in ("mesh", "texture") and "filename" in e.attrib)
 
 
 def named_file(urdf: Path, name: str) -> Path:

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from msrr_scenes.errors import GeometryError, SceneError, UnknownNameError
 from msrr_scenes.geometry.obj_file import named_by_obj
 from msrr_scenes.geometry.unit_geometry import library_folder
-from msrr_scenes.geometry.urdf_file import named_file
+from msrr_scenes.geometry.urdf_file import elements_with_files, named_file
 from msrr_scenes.loading.as_built_checks import as_built_problems
 from msrr_scenes.loading.calibration_file import read_calibration
 from msrr_scenes.loading.camera_checks import camera_problems
@@ -165,8 +165,8 @@ def plain_name(stem: str) -> str:
 
 
 def _files_of(urdf: Path) -> list[Path]:
-    """Return the URDF, the files that it names, and those that its meshes name, in the order of naming."""
-    named = [e.attrib["filename"] for e in ElementTree.parse(urdf).iter() if "filename" in e.attrib]
+    """Return the URDF, its meshes and textures, and those that its meshes name, in the order of naming."""
+    named = [e.attrib["filename"] for e in elements_with_files(ElementTree.parse(urdf).getroot())]
     files = [p for p in (named_file(urdf, name) for name in dict.fromkeys(named)) if p.is_file()]
     meshes = [p for p in files if p.suffix.lower() == ".obj"]
     return [urdf, *files, *(p for mesh in meshes for p in named_by_obj(mesh))]

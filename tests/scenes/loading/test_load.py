@@ -387,6 +387,13 @@ def test_the_hash_follows_the_urdf(tmp_path: Path) -> None:
     assert scene_hash(load_scene(path)) != base
 
 
+def test_a_plugin_of_another_simulator_in_a_urdf_is_no_file_of_the_scene(tmp_path: Path) -> None:
+    path, urdf = write(tmp_path, GOOD), (urdf_folder() / "unit.urdf").read_text()
+    plugin = '<gazebo><plugin name="drive" filename="package://drives/libdrive.so"/></gazebo>'
+    (tmp_path / "unit.urdf").write_text(urdf.replace("</robot>", f"{plugin}</robot>"))
+    assert scene_hash(load_scene(path))
+
+
 def test_the_reference_shows_every_shipped_scene() -> None:
     page = (Path(__file__).parents[3] / "docs" / "reference" / "scenes.md").read_text()
     for name in shipped_scenes():
