@@ -8,6 +8,7 @@ from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.embedding import Travel
 from msrr_control.coordination.precedence import Lanes
 from msrr_control.coordination.route_finder import RouteFinder, RouteParams
+from msrr_control.planning.route import ARENA_BORDER
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 
 
@@ -34,7 +35,7 @@ class Knowledge:
         params: RouteParams,
         box: tuple[float, float, float, float],
         retreat_m: float = 0.5,
-        border: str = "the border of the arena",
+        border: str = ARENA_BORDER,
     ) -> Knowledge:
         """Return what follows from the units' geometry and the parameters of their routes.
 

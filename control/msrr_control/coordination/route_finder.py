@@ -18,7 +18,7 @@ from msrr_control.path_following.path import PaceSpec, Path
 from msrr_control.path_following.walls import WallSpec
 from msrr_control.planning.free_space import Disc
 from msrr_control.planning.lane import in_lane
-from msrr_control.planning.route import ArenaMap, RouteSpec
+from msrr_control.planning.route import ARENA_BORDER, ArenaMap, RouteSpec
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
@@ -69,7 +69,7 @@ class RouteFinder:
         body: Body,
         params: RouteParams,
         box: tuple[float, float, float, float],
-        border: str = "the border of the arena",
+        border: str = ARENA_BORDER,
     ) -> None:
         """Bind the finder to what does not change.
 

@@ -14,6 +14,9 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.specs.spec import Distance, Length, Spec, TurnRate
 
+#: What bounds the routes of a unit that is seen in all of the arena, in words.
+ARENA_BORDER = "the border of the arena"
+
 
 class RouteSpec(Spec):
     """The shape of routes to the place in front of the port.

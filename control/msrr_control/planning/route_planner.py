@@ -11,7 +11,7 @@ import numpy as np
 from msrr_control.path_following.path import PaceSpec, Path
 from msrr_control.path_following.walls import Encounter, WallSpec, find_encounter
 from msrr_control.planning.free_space import Disc, FreeSpace
-from msrr_control.planning.route import ArenaMap, Route, RouteSpec
+from msrr_control.planning.route import ARENA_BORDER, ArenaMap, Route, RouteSpec
 from msrr_control.planning.tangents import Goal, shortest_path
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
@@ -46,7 +46,7 @@ class RoutePlanner:
         box: tuple[float, float, float, float],
         offset: float,
         body_half_width: float,
-        border: str = "the border of the arena",
+        border: str = ARENA_BORDER,
     ) -> None:
         """Bind the planner to what does not change.
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from msrr_control.planning.free_space import Disc
-from msrr_control.planning.route import ArenaMap
+from msrr_control.planning.route import ARENA_BORDER, ArenaMap
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, GlobalPose, ObstacleEstimate
@@ -97,7 +97,7 @@ class AssemblySetup:
     def border(self) -> str:
         """What :attr:`box` is, in words."""
         if self.box == (*self.arena.x_m, *self.arena.y_m):
-            return "the border of the arena"
+            return ARENA_BORDER
         return "the border of what the overhead camera sees of the arena (cameras.overhead.height_m)"
 
     def map_of(self, estimate: ArenaEstimate) -> ArenaMap:
