@@ -43,9 +43,7 @@ def decisive_step(steps: Sequence[StepResult]) -> StepResult:
     return min(failed, key=lambda step: step.ended_s, default=(succeeded or steps)[-1])
 
 
-def verdict_on_trial(
-    ended: Verdict | None, steps: Sequence[StepResult], failed_lock: str | None = None
-) -> Verdict:
+def verdict_on_trial(ended: Verdict | None, steps: Sequence[StepResult], failed_lock: str | None) -> Verdict:
     """Return the verdict on a trial.
 
     Args:

@@ -123,7 +123,7 @@ def _view(camera: PinholeCamera, window: Window) -> View:
     )
 
 
-def compile_kernels(announce: Callable[[str], None], lenses: Iterable[bool] = (False,)) -> None:
+def compile_kernels(announce: Callable[[str], None], lenses: Iterable[bool]) -> None:
     """Load the kernels' machine code from disk, or compile it and keep it there.
 
     Call it before a pool of workers starts, or every worker compiles for itself.

@@ -61,7 +61,7 @@ def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
     return tree
 
 
-def read_wheel_joints(path: Path, frames: FrameMap = ()) -> tuple[WheelJoint, WheelJoint]:
+def read_wheel_joints(path: Path, frames: FrameMap) -> tuple[WheelJoint, WheelJoint]:
     """Return the joints of the left and the right wheel of a unit, as its URDF has them.
 
     Args:

@@ -35,9 +35,7 @@ def read_target(path: Path) -> TargetSpec:
 
 
 @room_for_temporary_files()
-def target_scene(
-    spec: TargetSpec, path: Path, folder: Path, calibration: CalibrationSpec | None = None
-) -> Scene:
+def target_scene(spec: TargetSpec, path: Path, folder: Path, calibration: CalibrationSpec | None) -> Scene:
     """Return the scene of a recording: a robot and its target, with the dock frame D as the world.
 
     Args:
