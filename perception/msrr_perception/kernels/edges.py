@@ -176,6 +176,14 @@ def grey_beside(pixels: Pixels, x: float, y: float, optic: Optic) -> float:
     return grey_at(pixels, min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0))
 
 
+def reach_px(edge_px: float) -> float:
+    """Return half the length of a cross section, by the length of the edges of the tag [px]."""
+    return min(max(REACH_MODULES * edge_px / TAG_MODULES, LEAST_REACH_PX), GREATEST_REACH_PX)
+
+
+_reach_px = inlined(reach_px)
+
+
 @subroutine
 def fit_edge(
     pixels: Pixels,
@@ -215,7 +223,7 @@ def fit_edge(
     if across < 0.0:
         nx, ny, across = -nx, -ny, -across
     module = across / TAG_MODULES
-    reach = min(max(REACH_MODULES * module, LEAST_REACH_PX), GREATEST_REACH_PX)
+    reach = _reach_px(across)
     for i in range(2):  # the ends of the outermost sections bound all samples
         s = END_SHARE if i == 0 else 1.0 - END_SHARE
         foot_x, foot_y = x0 + s * along_x, y0 + s * along_y

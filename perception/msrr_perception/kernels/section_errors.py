@@ -20,13 +20,7 @@ from msrr_perception.kernels.edge_errors import (
     SHORT_PX,
     SMOOTH_PX,
 )
-from msrr_perception.kernels.edges import (
-    BY_SECTION,
-    GREATEST_REACH_PX,
-    LEAST_REACH_PX,
-    REACH_MODULES,
-    TAG_MODULES,
-)
+from msrr_perception.kernels.edges import BY_SECTION, TAG_MODULES, reach_px
 from msrr_perception.kernels.neighbours import blur_of, gain_of
 from msrr_scenes.arrays import Array
 
@@ -63,11 +57,6 @@ class CornerVariances(NamedTuple):
     changing: Array  # (K,) of a whole edge, by what the view changes beyond the borders of the tag
     border: Array  # (K,) distance by which what lies there may move an edge all along an approach [px]
     rest: Array  # (K, 4) of each coordinate of a corner, independent of all others
-
-
-def reach_px(edge_px: float) -> float:
-    """Return half the length of a cross section, by the length of the edges of the tag [px]."""
-    return min(max(REACH_MODULES * edge_px / TAG_MODULES, LEAST_REACH_PX), GREATEST_REACH_PX)
 
 
 def frame_px(noise_grey: float, contrast: float, reach: float, gain: float) -> float:

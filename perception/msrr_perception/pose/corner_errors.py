@@ -12,15 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_perception.kernels.edges import BY_OFFSET, BY_SECTION, BY_SLOPE, TAG_MODULES
+from msrr_perception.kernels.edges import BY_OFFSET, BY_SECTION, BY_SLOPE, TAG_MODULES, reach_px
 from msrr_perception.kernels.neighbours import blur_of, gain_of
-from msrr_perception.kernels.section_errors import (
-    SURE,
-    border_px,
-    frame_px,
-    reach_px,
-    sampling_px,
-)
+from msrr_perception.kernels.section_errors import SURE, border_px, frame_px, sampling_px
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.sensors import CameraSpec
 
