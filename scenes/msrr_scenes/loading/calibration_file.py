@@ -160,16 +160,10 @@ def calibration_of(
     Raises:
         SceneError: The numbers are no calibration, or of another model.
     """
-    distortion = tuple(coefficients) or (0.0,) * len(COEFFICIENTS)
+    message: dict[str, Any] = {"width": size[0], "height": size[1], "distortion_model": model}
+    message |= {"k": [*matrix], "d": [*coefficients]}
     try:
-        file = _CalibrationFile(
-            image_width=size[0],
-            image_height=size[1],
-            camera_matrix=_Matrix(rows=3, cols=3, data=tuple(matrix)),
-            distortion_coefficients=_Matrix(rows=1, cols=len(distortion), data=distortion),
-            distortion_model=model or _MODEL,
-        )
-        return _calibration(file, name)
+        return _calibration(_CalibrationFile.model_validate(_as_file(message)), name)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         raise SceneError(f"{name}: {dotted(first['loc'])}: {first['msg']}") from None
