@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from msrr_bullet.plant.kinematic_port import CaptureRange, KinematicPort
+from msrr_bullet.plant.kinematic_port import KinematicPort
 from msrr_bullet.plant.plant import Plant
 from msrr_scenes.as_built import AsBuilt, as_drawn
 from msrr_scenes.geometry.se2 import SE2
@@ -44,7 +44,6 @@ class KinematicPlant(Plant):
         placement: Placement,
         world: Scenery | None = None,
         *,
-        capture: CaptureRange | None = None,
         built: AsBuilt | None = None,
     ) -> None:
         """Place the units.
@@ -53,12 +52,10 @@ class KinematicPlant(Plant):
             scene: A checked scene.
             placement: Start poses of the units.
             world: Bodies that follow the units, for the cameras; None when no camera is rendered.
-            capture: The idealised funnel of all ports; None for what follows from their pins and holes.
             built: What is not as the scene says; None if all is.
         """
         super().__init__(scene, built or as_drawn(scene))
         self._world = world
-        self._capture = capture
         # Asking the scene means to look for the file of the URDF, which takes longer than a tick.
         self._geometries = {name: scene.geometry(name) for name in scene.units}
         self._poses = {name: placement.units[name] for name in scene.units}
@@ -130,7 +127,7 @@ class KinematicPlant(Plant):
         own, target = self._geometries[step.unit], self._geometries[step.target_unit]
         X_TU = self.pose(step.target_unit).inverse() @ self.pose(step.unit)
         travel = self._switch_travel(step)
-        port = KinematicPort(step, own, target, self._scene.lock, self._capture, X_TU, travel)
+        port = KinematicPort(step, own, target, self._scene.lock, X_TU, travel)
         port.plugged = (step.target_unit, step.target_port) in self._plugged
         self._ports[step.unit] = port
         return port

@@ -82,7 +82,6 @@ class KinematicPort(PortMechanism):
         geometry: UnitGeometry,
         target: UnitGeometry,
         spec: LockSpec,
-        capture: CaptureRange | None,
         X_TU: SE2,
         switch_travel: float,
     ) -> None:
@@ -93,14 +92,13 @@ class KinematicPort(PortMechanism):
             geometry: Geometry of the docking unit.
             target: Geometry of the target unit.
             spec: Closing time and strength of the lock.
-            capture: Dimensions of the funnel; None for those that follow from pins and holes.
             X_TU: Start pose of the docking unit in the frame of the target unit; pins that are in the funnel
                 at the start are held there.
             switch_travel: Distance from the bottom of the hole at which the seat switches close [m].
         """
         super().__init__(step, spec, switch_travel)
         mechanism = PinAndHole.of(geometry, step.port, target, step.target_port)
-        self._capture = capture or CaptureRange.of(mechanism)
+        self._capture = CaptureRange.of(mechanism)
         self._length = mechanism.pin_length
         self._X_UP = geometry.port(step.port)
         self._X_TD = target.dock_frame(step.target_port)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
-from msrr_bullet.plant.kinematic_port import CaptureRange
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
@@ -69,10 +68,10 @@ def test_no_file_is_looked_for_while_the_units_move(two_units, before_port, monk
     assert looked_for == []
 
 
-def test_the_funnel_captures_up_to_the_given_lateral_error(two_units, before_port):
+def test_the_funnel_captures_up_to_a_lateral_error_of_13_mm(two_units, before_port):
     scene = two_units()
-    for capture, seats in ((CaptureRange(0.02, 0.1, 0.001), True), (CaptureRange(0.01, 0.1, 0.001), False)):
-        plant = KinematicPlant(scene, before_port(scene, SE2(-0.03, 0.015, 0.0)), capture=capture)
+    for lateral, seats in ((0.0129, True), (0.0131, False)):
+        plant = KinematicPlant(scene, before_port(scene, SE2(-0.03, lateral, 0.0)))
         plant.begin_dock(scene.plan[0])
         plant.command("a", Twist(0.1, 0.0))
         for _ in range(240):
