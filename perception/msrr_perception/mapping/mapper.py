@@ -15,10 +15,10 @@ from msrr_perception.mapping.bundle import Bundle, Sightings
 from msrr_perception.mapping.consistency import (
     Consistent,
     Contradiction,
-    Kind,
     adjust_consistently,
     largest_connected,
 )
+from msrr_perception.mapping.group_tests import Kind
 from msrr_perception.mapping.initial_map import initial_bundle
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.distortion import has_inverse

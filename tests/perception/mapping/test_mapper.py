@@ -159,9 +159,12 @@ def test_a_tag_that_was_moved_is_where_most_pictures_show_it() -> None:
     assert max(squared_errors(found, tags)) < 40.0  # of six degrees of freedom: 5 in 10^7 are above
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(5, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("seed", [4, *(pytest.param(k, marks=pytest.mark.nightly) for k in (0, 3, 5))])
 def test_a_tag_of_another_size_is_left_out_as_a_whole(seed: int) -> None:
-    """From near and from far it seems to be at another place each time: no two of ten sightings make one."""
+    """From near and from far it seems to be at another place each time: no two of ten sightings make one.
+
+    With seeds 3 and 4 it bends the five others so that they spread as widely as it stands out.
+    """
     rng = np.random.default_rng(seed)
     tags, pictures = wall(rng), []
     for k, away in enumerate(np.linspace(4.0, 2.0, 10)):
