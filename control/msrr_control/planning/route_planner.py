@@ -20,6 +20,9 @@ from msrr_scenes.messages import ObstacleEstimate
 #: Distance between the points of a path that are checked for being free [m].
 _SPACING_M = 0.04
 
+#: Curvature below which the circle to the docking axis is a line [1/m]; but for rounding, both end alike.
+_LEAST_CURVATURE = 1e-9
+
 #: Ways straight back and ahead that are tried where a unit has no room to turn on the spot [m]. Back comes
 #: first: the unit has most probably come from there.
 _STRAIGHT_M = (0.0, *(sign * 0.05 * n for n in range(1, 11) for sign in (-1.0, 1.0)))
@@ -240,7 +243,7 @@ class RoutePlanner:
         x, y = X_LU.x, X_LU.y
         squared = x * x + y * y
         curvature = 2.0 * y / squared if squared > 0.0 else math.inf
-        if abs(curvature) < 1e-3:
+        if abs(curvature) < _LEAST_CURVATURE:
             if x > -self.offset:
                 return None
             curvature, length = 0.0, -x

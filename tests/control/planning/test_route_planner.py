@@ -56,6 +56,16 @@ def test_in_open_ground_it_is_one_circle_and_the_lead_in() -> None:
     assert float(route.path.length - route.path.arc_end) == pytest.approx(0.3)
 
 
+@pytest.mark.parametrize("y", [0.0, 1e-12, 1e-9, -1e-6, 1e-3, -4e-3])
+def test_from_next_to_the_axis_the_circle_ends_in_front_of_the_port_as_well(y: float) -> None:
+    """A line along the axis in its place ended as far beside it as it began."""
+    arena = _arena(SE2(-1.8, y, 0.0))
+    route = PLANNER.plan(arena)
+    assert route is not None
+    assert route.shape == "arc"
+    assert _ends_before_the_port(route, arena)
+
+
 def test_an_obstacle_on_the_path_is_left_to_a_wall() -> None:
     free = PLANNER.plan(_arena(SE2(-1.6, 0.3, 0.0)))
     assert free is not None
