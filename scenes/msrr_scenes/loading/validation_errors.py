@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import types
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pydantic import BaseModel
@@ -23,6 +23,8 @@ _PATTERNS = {
 _NAME = "a name of at most 32 lower-case letters, digits and underscores that starts with a letter"
 #: Tags of the models of a union that is told apart by a function.
 _TAGS: Mapping[type[BaseModel], str] = {DockStep: "dock", UndockStep: "undock", MoveStep: "move"}
+#: Largest number of places of a key that are named where it is none.
+_MOST_PLACES = 5
 _NOT_KEYS = {"source"}  # fields that the program fills in
 
 
@@ -41,7 +43,7 @@ def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel]) 
     if kind == "extra_forbidden":
         keys = _keys_at(root, loc[:-1])
         here = f" Keys here: {', '.join(keys)}" if keys else ""
-        return Problem(path, f"unknown key{nearest(loc[-1], keys)}{here}")
+        return Problem(path, f"unknown key{_meant(str(loc[-1]), keys, root)}{here}")
     if kind == "missing":
         return Problem((*path, str(loc[-1])), "required, and missing", rank=1)
     if kind == "flag":
@@ -166,6 +168,28 @@ def _type_at(root: type[BaseModel], loc: tuple[int | str, ...]) -> Any:
 def _keys_at(root: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
     model: Any = _members(_type_at(root, loc))[0]
     return [k for k in model.model_fields if k not in _NOT_KEYS] if _is_model(model) else []
+
+
+def _meant(key: str, keys: list[str], root: type[BaseModel]) -> str:
+    """Return where else a key is one, else ``; did you mean 'x'?`` for one that is there, or a full stop."""
+    places = sorted(set(_places_of(key, root)))
+    if not 0 < len(places) <= _MOST_PLACES:
+        return nearest(key, keys)
+    return f"; it belongs below {', '.join(places[:-1])}{' or ' if len(places) > 1 else ''}{places[-1]}."
+
+
+def _places_of(key: str, annotation: Any, at: str = "") -> Iterator[str]:
+    """Yield the parts of a document that have a key, as dotted paths; names and numbers in them are ``*``."""
+    for member in _members(annotation):
+        arguments = {dict: slice(1, 2), tuple: slice(0, 1)}.get(typing.get_origin(member))
+        if arguments is not None:
+            for inner in typing.get_args(member)[arguments]:
+                yield from _places_of(key, inner, f"{at}.*")
+        elif _is_model(member):
+            if at and key in member.model_fields:
+                yield at
+            for name, field in member.model_fields.items():
+                yield from _places_of(key, field.annotation, f"{at}.{name}".lstrip("."))
 
 
 def _tags(root: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:

@@ -174,6 +174,12 @@ def test_the_issues_start_sets_and_limits() -> None:
         ("plan:", "shape: cross\nplan:", ["scene.yaml:20:1: shape: ", "found 'cross'"]),
         ("plan:", "control: {docking: ''}\nplan:", ["scene.yaml:20:11: control.docking: "]),
         ("plan:", "plam:", ["scene.yaml:20:1: plam: unknown key; did you mean 'plan'?"]),
+        (
+            "plan:",
+            "dropout: 0.1\nplan:",
+            ["dropout: unknown key; it belongs below cameras.onboard, ", " or "],
+        ),
+        ("plan:", "grade: rough\nplan:", ["grade: unknown key; it belongs below as_built."]),
         ("plan:", "plan: {", ["not valid YAML"]),
         ("{x_m: 0.4}", "{x_m: !!python/name:os.system }", ["scene.yaml:6", "not allowed"]),
         ("{x_m: 0.4}", "{<<: {x_m: 0.4}}", ["scene.yaml:6", "merge keys"]),
