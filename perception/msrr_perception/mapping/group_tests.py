@@ -164,8 +164,10 @@ class GroupTests:
     def _unexplained(self, group: Group) -> tuple[Array, Array]:
         """Return the residuals of a group [px], and the matrix by which they follow from its errors."""
         rows = (8 * group.members[:, np.newaxis] + np.arange(8)).ravel()
-        r, J = self._found.residuals[rows], self._found.jacobian[rows].toarray()
-        return r, np.eye(len(rows)) - J @ self._Q @ J.T
+        r, J = self._found.residuals[rows], self._found.jacobian[rows]
+        columns = np.unique(J.indices)  # of few poses: all others are zero
+        by_poses = J[:, columns].toarray()
+        return r, np.eye(len(rows)) - by_poses @ self._Q[np.ix_(columns, columns)] @ by_poses.T
 
 
 def _own(sighting: int) -> slice:
