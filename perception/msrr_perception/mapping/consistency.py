@@ -1,11 +1,12 @@
 """Sightings, tags and pictures that contradict the others: found by a statistical test and left out.
 
-Groups are tested as :mod:`msrr_perception.mapping.group_tests` does. The group that is least likely is left
-out and the rest adjusted again, until no group is too unlikely. Where less than half of the sightings of a
-tag or a picture explain why it contradicts the others, only these are left out: several wrong sightings of
-one tag mask each other, and the test of the tag does not tell which they are. A tag that has lost half of its
-sightings in this way is left out as a whole: two sightings that agree with each other are no place for a tag
-if eight others say that it is elsewhere, or of another size.
+What is far off in the first place is left out before the first adjustment. Groups are tested as
+:mod:`msrr_perception.mapping.group_tests` does. The group that is least likely is left out and the rest
+adjusted again, until no group is too unlikely. Where less than half of the sightings of a tag or a picture
+explain why it contradicts the others, only these are left out: several wrong sightings of one tag mask each
+other, and the test of the tag does not tell which they are. A tag that has lost half of its sightings in this
+way is left out as a whole: two sightings that agree with each other are no place for a tag if eight others
+say that it is elsewhere, or of another size.
 """
 
 from __future__ import annotations
@@ -18,15 +19,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.stats import norm
+from scipy.stats import chi2, norm
 
 from msrr_perception.mapping.adjustment import Adjusted, AdjustmentError, adjust, adjust_robustly
 from msrr_perception.mapping.bundle import Bundle, Sightings
-from msrr_perception.mapping.group_tests import Group, GroupTest, GroupTests, Kind, Usual
+from msrr_perception.mapping.group_tests import Group, GroupTest, GroupTests, Kind, Usual, quantile_outside
 from msrr_perception.mapping.initial_map import alternatives
 
 #: Probability that anything of a map without contradictions is left out.
 FALSE_ALARMS = 0.01
+
+#: Number of coordinates of the corners of a sighting.
+_NUMBERS = 8
+
+#: Distance of a corner from where poses show it above which its sighting is left out before least squares
+#: [px], or this multiple of the median of those distances, as with a lens that was not calibrated.
+_FAR_PX, _FAR_MEDIANS = 20.0, 10.0
 
 #: Kinds of groups that can bend a whole map.
 _MANY: tuple[Kind, ...] = ("tag", "picture")
@@ -76,8 +84,10 @@ def adjust_consistently(bundle: Bundle, seen: Sightings) -> Consistent:
         bundle: Poses of a robust adjustment.
         seen: The sightings.
     """
-    kept = np.ones(len(seen), dtype=np.bool_)
-    contradictions: list[Contradiction] = []
+    kept = near(bundle, seen)
+    contradictions = _far_off(bundle, seen, kept)
+    for kind in _MANY:
+        contradictions = _as_wholes(seen, kept, contradictions, kind)
     while True:
         kept = largest_connected(seen, kept)
         part = seen.of(kept)
@@ -94,28 +104,52 @@ def adjust_consistently(bundle: Bundle, seen: Sightings) -> Consistent:
             members = of_all[one.group.members]
             kept[members] = False
             contradictions.append(replace(one, group=replace(one.group, members=members)))
-        contradictions = _by_tag(seen, kept, contradictions)
+        contradictions = _as_wholes(seen, kept, contradictions, "tag")
 
 
-def _by_tag(
-    seen: Sightings, kept: NDArray[np.bool_], contradictions: list[Contradiction]
-) -> list[Contradiction]:
-    """Return contradictions with those of a tag as one, if it is half of its sightings, of three or more.
+def near(bundle: Bundle, seen: Sightings) -> NDArray[np.bool_]:
+    """Return which sightings are about where poses show them, shape (N,); all if those are not the most.
 
-    Its other sightings are left out of ``kept`` as well.
+    What is far off, as a number that was read on something else, would bend a map for hundreds of steps, also
+    by the robust cost, which is linear in large distances.
     """
-    of_tag = {
-        tag: [c for c in contradictions if c.group.kind != "picture" and seen.tag[c.group.members[0]] == tag]
-        for tag in np.unique(seen.tag).tolist()
-    }
-    for tag, wrong in of_tag.items():
-        rest = np.flatnonzero(kept & (seen.tag == tag))
+    distances = np.linalg.norm(bundle.residuals(seen).reshape(-1, 4, 2), axis=2).max(axis=1)
+    out: NDArray[np.bool_] = distances < max(_FAR_PX, _FAR_MEDIANS * float(np.median(distances)))
+    return out if 2 * largest_connected(seen, out).sum() > len(seen) else np.ones_like(out)
+
+
+def _far_off(bundle: Bundle, seen: Sightings, kept: NDArray[np.bool_]) -> list[Contradiction]:
+    """Return each of the sightings that are not kept as a contradiction to the poses, the worst first."""
+    squares = (bundle.residuals(seen).reshape(-1, _NUMBERS) ** 2).sum(axis=1)
+    sigma_px = math.sqrt(float(np.median(squares[kept])) / chi2.median(_NUMBERS))
+    found = [
+        Contradiction(
+            Group("sighting", np.array([i])),
+            math.sqrt(squares[i] / _NUMBERS),
+            quantile_outside(float(squares[i]), _NUMBERS, sigma_px),
+        )
+        for i in np.flatnonzero(~kept).tolist()
+    ]
+    return sorted(found, key=lambda one: -one.rms_px)
+
+
+def _as_wholes(
+    seen: Sightings, kept: NDArray[np.bool_], contradictions: list[Contradiction], kind: Kind
+) -> list[Contradiction]:
+    """Return contradictions with those of a tag or a picture as one, if it is half of its sightings or more.
+
+    It has three or more. Its other sightings are left out of ``kept`` as well.
+    """
+    whole_of, apart = (seen.tag, "picture") if kind == "tag" else (seen.view, "tag")
+    for whole in np.unique(whole_of).tolist():
+        wrong = [c for c in contradictions if c.group.kind != apart and whole_of[c.group.members[0]] == whole]
+        rest = np.flatnonzero(kept & (whole_of == whole))
         members = np.concatenate([rest, *(c.group.members for c in wrong)])
         if len(wrong) > 1 and len(members) > 2 and 2 * len(rest) <= len(members):
             kept[rest] = False
             rms_px = math.sqrt(np.mean([c.rms_px**2 for c in wrong]))
-            whole = Contradiction(Group("tag", np.sort(members)), rms_px, max(c.score for c in wrong))
-            contradictions = [*(c for c in contradictions if c not in wrong), whole]
+            as_one = Contradiction(Group(kind, np.sort(members)), rms_px, max(c.score for c in wrong))
+            contradictions = [*(c for c in contradictions if c not in wrong), as_one]
     return contradictions
 
 

@@ -182,6 +182,20 @@ def _groups(seen: Sightings) -> list[Group]:
     return groups + [group for group in tags + pictures if len(group.members) > 1]
 
 
+def quantile_outside(excess: float, rank: int, sigma_px: float) -> float:
+    """Return the quantile of a standard normal distribution that is as unlikely as residuals of a given map.
+
+    Source: E. B. Wilson, M. M. Hilferty, "The distribution of chi-square", PNAS 17, 1931.
+
+    Args:
+        excess: Sum of the squares of the residuals [px^2].
+        rank: Number of the residuals.
+        sigma_px: Standard deviation of residuals that belong to the map [px].
+    """
+    own = 2.0 / (9.0 * rank)
+    return (math.cbrt(excess / rank / sigma_px**2) - (1.0 - own)) / math.sqrt(own)
+
+
 def _quantile(found: Adjusted, excess: float, rank: int, without: float = 0.0, of_without: int = 0) -> float:
     """Return the quantile of a standard normal distribution that is as unlikely as what a group adds.
 

@@ -17,6 +17,8 @@ from msrr_perception.mapping.consistency import (
     Contradiction,
     adjust_consistently,
     largest_connected,
+    most_seen_tag,
+    near,
 )
 from msrr_perception.mapping.group_tests import Kind
 from msrr_perception.mapping.initial_map import initial_bundle
@@ -169,9 +171,11 @@ def map_tags(
         raise AdjustmentError(
             f"a map needs pictures that show two tags or more together; tag {ids[0]} was only seen alone"
         )
-    bundle = adjust_robustly(initial_bundle(seen, lens, tag_size), seen)
+    bundle = initial_bundle(seen, lens, tag_size)
+    part = seen.of(largest_connected(seen, near(bundle, seen)))
+    bundle = adjust_robustly(bundle.referred_to(most_seen_tag(part)), part)
     if refine_lens:
-        bundle = adjust_robustly(replace(bundle, refines_lens=True), seen)
+        bundle = adjust_robustly(replace(bundle, refines_lens=True), part)
     consistent = adjust_consistently(bundle, seen)
     found = consistent.adjusted.bundle.lens
     if not has_inverse(found.camera, found.distortion):

@@ -132,6 +132,43 @@ def moved(pictures: list[TaggedPicture], tag_id: int, wrong: Collection[int], sh
     return {pictures[showing[i]].name for i in wrong}
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_numbers_that_were_read_elsewhere_are_named(seed: int) -> None:
+    """Two tags of ten pictures are seen somewhere else, hundreds of pixels off."""
+    rng = np.random.default_rng(seed)
+    tags = wall(rng)
+    pictures, wrong = photographed(tags, rng, views=10, away=3.0), set()
+    for k in range(2):
+        tag = pictures[k].tags[rng.integers(len(pictures[k].tags))]
+        square = rng.uniform(20, 60) * np.array([[-1, 1], [1, 1], [1, -1], [-1, -1]])
+        elsewhere = square + rng.uniform([100, 100], [700, 500]) + rng.normal(0.0, 2.0, (4, 2))
+        seen = (replace(t, corners=elsewhere) if t is tag else t for t in pictures[k].tags)
+        pictures[k] = TaggedPicture(pictures[k].name, tuple(seen))
+        wrong.add(("sighting", (tag.tag_id,), (pictures[k].name,)))
+    found = map_tags(pictures, LENS, TAG_SIZE)
+    assert {(one.kind, one.tags, one.pictures) for one in found.left_out} == wrong
+    assert max(squared_errors(found, tags)) < 40.0  # of six degrees of freedom: 5 in 10^7 are above
+
+
+@pytest.mark.parametrize(("seed", "shown"), [(0, 3), (1, 6)])
+def test_an_id_that_two_tags_have_is_a_tag_where_most_pictures_show_it(seed: int, shown: int) -> None:
+    """Half of the pictures or more show another print, and then there is no such tag."""
+    rng = np.random.default_rng(seed)
+    tags = wall(rng)
+    there = {**tags, 6: SE3(rotation(rng.normal(0.0, 0.3, 3)), np.array([0.5, -0.5, 0.1]))}
+    pictures = []
+    for k, picture in enumerate(photographed(there, rng, views=10, away=3.5)):
+        seen = {t.tag_id: t for t in picture.tags}
+        twin = seen.pop(6, None)
+        if k < shown and twin is not None:
+            seen[0] = replace(twin, tag_id=0)
+        pictures.append(TaggedPicture(picture.name, tuple(seen.values())))
+    found = map_tags(pictures, LENS, TAG_SIZE)
+    assert {one.tags for one in found.left_out} == {(0,)}
+    assert (0 in found.tags) == (shown < 5)
+    assert max(squared_errors(found, tags)) < 40.0  # of six degrees of freedom: 5 in 10^7 are above
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_wrong_sightings_of_one_tag_do_not_cost_the_tag(seed: int) -> None:
     """One corner is off by 15 standard deviations in three pictures of a dozen."""
