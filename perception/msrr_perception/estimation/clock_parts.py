@@ -20,7 +20,7 @@ from msrr_perception.kernels.rates import Rates
 from msrr_perception.pose.corner_fit import deviation, odds
 
 #: Largest standard deviation of the clock in a part [s].
-_PART_S = 0.008
+_PART_S = 0.01
 
 #: Parts lie this many standard deviations to both sides of the mean, as far apart as each is wide.
 _SIGMAS = 2.5
