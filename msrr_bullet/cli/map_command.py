@@ -193,11 +193,11 @@ def _explained(left_out: LeftOut) -> str:
     what, why = {
         "sighting": (
             f"tag {left_out.tags[0]} in {pictures}",
-            "blurred, partly covered, or moved for this picture",
+            "blurred, partly covered, moved for this picture, or read on something else",
         ),
         "tag": (
             f"tag {left_out.tags[0]} in all of its pictures ({pictures})",
-            "moved, bent, or of another size",
+            "moved, bent, of another size, or one of two with this id",
         ),
         "picture": (f"picture {pictures}", "blurred, or by another camera"),
     }[left_out.kind]
