@@ -37,7 +37,7 @@ def plots_of_run(scene: Scene, snapshots: Sequence[Snapshot]) -> dict[str, list[
         plots[unit] = [_finished(plot, series.time) for plot in _unit_plots(scene, series)]
     series = TrialSeries.of(scene, snapshots)
     plots[""] = [_finished(plot, series.time) for plot in _run_plots(scene, series)]
-    return plots
+    return {unit: [plot for plot in own if plot["curves"]] for unit, own in plots.items()}
 
 
 def _unit_plots(scene: Scene, series: TrialSeries) -> Iterator[Plot]:
@@ -104,7 +104,7 @@ def _plot(
     *,
     asinh: float = 0.0,
 ) -> Plot:
-    named = [{"name": name, "value": value} for name, value in limits]
+    named = [{"name": name, "value": float(f"{value:.{_DIGITS}g}")} for name, value in limits]
     return {"title": title, "curves": curves, "limits": named, "asinh": asinh}
 
 

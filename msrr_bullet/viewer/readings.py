@@ -82,11 +82,11 @@ def _texts(snapshot: Snapshot) -> dict[str, str]:
         left, right = math.degrees(first.los.left), math.degrees(first.los.right)
         texts["line of sight"] = first.los.status.value
         if math.isfinite(left) and math.isfinite(right):
-            texts["line of sight"] += f" {left:+.0f}° {right:+.0f}°"
+            texts["line of sight"] += f" {left:+z.0f}° {right:+z.0f}°"
     if snapshot.docking_pose is not None and first.estimate is not None:
         error_pose = snapshot.docking_pose.inverse() @ first.estimate
         distance, yaw = math.hypot(error_pose.x, error_pose.y), math.degrees(error_pose.yaw)
-        texts["belief off by"] = f"{1e3 * distance:.1f} mm {yaw:+.1f}°"
+        texts["belief off by"] = f"{1e3 * distance:.1f} mm {yaw:+z.1f}°"
     if snapshot.clearance is not None:
         texts["clearance"] = f"{1e3 * snapshot.clearance.distance:.0f} mm"
         texts["nearest pair"] = f"{snapshot.clearance.body_a} – {snapshot.clearance.body_b}"

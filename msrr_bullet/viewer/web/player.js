@@ -81,8 +81,13 @@ function startPlayer({times, values, units, watched, rows, events}) {
     requestAnimationFrame(tick);
   });
   // "#t=3.5" opens the page paused at that time, so that an instant of a run can be linked to.
-  const wanted = /^#t=([0-9.]+)$/.exec(location.hash);
-  seek(wanted ? Number(wanted[1]) : 0, !wanted && !matchMedia("(prefers-reduced-motion)").matches);
+  function followLink() {
+    const wanted = /^#t=(\d*\.?\d+)$/.exec(location.hash);
+    if (wanted) seek(Number(wanted[1]));
+    return wanted;
+  }
+  addEventListener("hashchange", followLink);
+  if (!followLink()) seek(0, !matchMedia("(prefers-reduced-motion)").matches);
 }
 
 function showPhases(rows) {
@@ -105,7 +110,8 @@ function startKeys(rows, eventTimes) {
   const index = () => rows.length > 1 ? Math.max(0, Object.keys(data.colours).indexOf(chosen)) : 0;
   const phases = () => rows[index()].map(({from}) => from);
   addEventListener("keydown", (event) => {
-    const {key, target, shiftKey} = event, tag = target.tagName;
+    const {target, shiftKey} = event, tag = target.tagName;
+    const key = event.key.length > 1 ? event.key : event.key.toLowerCase();
     if (event.ctrlKey || event.altKey || event.metaKey || tag === "SELECT") return;
     const direction = {ArrowLeft: -1, ArrowRight: 1, p: -1, n: 1, PageUp: -1, PageDown: 1}[key];
     if (key === " " && tag !== "BUTTON" && tag !== "SUMMARY") toggle();

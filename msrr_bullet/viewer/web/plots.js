@@ -8,7 +8,7 @@ function startPlots({plots}) {
   function build() {
     for (const plot of built) plot.destroy();
     $("plots").replaceChildren();
-    built = [...(plots[chosen] || []), ...plots[""]].map((plot) => buildPlot(plot));
+    built = [...(Object.hasOwn(plots, chosen) ? plots[chosen] : []), ...plots[""]].map((plot) => buildPlot(plot));
     for (const plot of built) placeLine(plot, clock.time);
   }
   choices.push(build);
@@ -25,9 +25,11 @@ function buildPlot({title, times, curves, limits, asinh}) {
   const card = add($("plots"), "div", "", "card plot"), head = add(card, "h2", title);
   const keys = add(head, "span", "", "keys");
   for (const {name, colour, dash} of curves) addKey(keys, [name, inkOf(colour), dash]);
+  for (const {name, value} of limits) if (value >= 0) addKey(keys, [`${name} ${value}`, LIMIT, true]);
   const style = getComputedStyle(document.documentElement), ink = style.getPropertyValue("--faint").trim();
   const grid = {stroke: style.getPropertyValue("--line").trim(), width: 1};
-  const axis = {stroke: ink, grid, font: "11px system-ui"};
+  // Numbers as everywhere on the page: where the browser writes "1.000" for a thousand, the page would not.
+  const axis = {stroke: ink, grid, font: "11px system-ui", values: (_, splits) => splits.map(String)};
   axis.ticks = {...axis.grid, size: 4};
   const series = curves.map(({name, colour, width, dash, stepped}) => ({
     label: name, stroke: inkOf(colour), width, dash: dash ? [4, 4] : undefined, points: {show: false},

@@ -13,6 +13,11 @@ function add(parent, tag, text = "", className = "") {
 }
 
 viewer.gui.domElement.remove();  // the raw tree of nodes
+// Meshcat keeps nodes by name in plain objects, all of which have a "constructor"; a unit may be named so.
+const nodes = Object.getPrototypeOf(viewer.scene_tree), findNode = nodes.find;
+nodes.find = function find(path) {
+  return findNode.call(this, path[0] === "constructor" ? ["constructor ", ...path.slice(1)] : path);
+};
 // Turn about the position of the camera's node, where three.js would turn about the origin of the world.
 const lookAt = camera.lookAt.bind(camera);
 camera.lookAt = (target) => lookAt(camera.parent.localToWorld(target.clone()));

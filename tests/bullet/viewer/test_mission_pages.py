@@ -12,6 +12,7 @@ import pytest
 from msrr_bullet.timeline import palette
 from msrr_bullet.viewer.live import LiveViewer
 from msrr_bullet.viewer.mission_nodes import WAITS_OFF, MissionNodes
+from msrr_bullet.viewer.plots import plots_of_run
 from msrr_bullet.viewer.readings import HEADINGS, UNIT_READINGS, changes, readings, unit_readings
 from msrr_bullet.viewer.replay_page import write_replay
 
@@ -71,6 +72,14 @@ def test_the_page_of_a_mission_has_a_row_for_every_unit(mission_run, tmp_path):
     assert all(
         len(columns) == len(HEADINGS) + len(UNIT_READINGS) for columns in data["replay"]["units"].values()
     )
+
+
+def test_a_unit_that_only_drives_into_the_open_has_no_empty_plots(mission_run):
+    plots = plots_of_run(mission_run.log.header.scene, mission_run.snapshots)
+    assert all(plot["curves"] for own in plots.values() for plot in own)
+    docks = {"lateral [mm]", "line of sight [deg]"}
+    shown = [docks <= {plot["title"] for plot in own} for unit, own in plots.items() if unit]
+    assert True in shown and False in shown
 
 
 def test_changes_give_back_every_text():

@@ -207,6 +207,44 @@ def test_it_fits_the_window_in_light_and_dark(browser, run_page, short_log, size
 
 
 @pytest.mark.nightly
+def test_a_link_to_a_time_is_followed_in_the_open_page(browser, run_page):
+    browser.open(f"{run_page.as_uri()}#t=1.2.3")  # no time
+    assert browser.evaluate("Number.isFinite(clock.time)")
+    browser.evaluate("location.hash = '#t=2.5'")
+    browser.wait("clock.time === 2.5 && !clock.playing")
+    browser.press("N")  # with Shift or Caps Lock too
+    assert browser.evaluate("clock.time") > 2.5
+    assert browser.console == []
+
+
+@pytest.mark.nightly
+def test_limits_have_names_and_numbers_are_the_same_everywhere(browser, run_page):
+    browser.open(run_page.as_uri())
+    browser.call("Emulation.setUserAgentOverride", userAgent="any", acceptLanguage="de-DE")
+    browser.call("Page.reload")
+    browser.wait("document.readyState === 'complete' && navigator.language === 'de-DE'")
+    assert browser.evaluate("uPlot.fmtNum(1234.5)") == "1.234,5"
+    assert browser.evaluate("buildPlot(data.replay.plots[''][0]).axes[1].values(null, [1000, 0.5])") == [
+        "1000",
+        "0.5",
+    ]
+    assert "judge 20" in browser.evaluate("document.querySelector('#plots').textContent")
+
+
+@pytest.mark.nightly
+def test_bodies_and_scenes_may_have_any_names(browser, drive, tmp_path):
+    units = {"constructor" if name == "b" else name: unit for name, unit in drive.scene.units.items()}
+    scene = drive.scene.model_copy(
+        update={"description": "long" * 100, "units": units, "docks": (), "plan": ()}
+    )
+    path = write_replay(tmp_path / "replay.html", scene, [replace(drive.snapshots[0], units={})])
+    browser.open(path.as_uri(), (390, 844))
+    assert browser.evaluate("viewer.scene_tree.find(['units', 'constructor']).object.children.length") > 5
+    assert browser.evaluate("document.documentElement.scrollWidth") == 390
+    assert browser.console == []
+
+
+@pytest.mark.nightly
 def test_a_pane_that_is_higher_than_wide_shows_all_units(browser, run_page):
     browser.open(f"{run_page.as_uri()}#t=0.0", (900, 1400))
     browser.evaluate("Object.assign($('pane').style, {width: '400px', height: '700px'})")
