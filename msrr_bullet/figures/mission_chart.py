@@ -67,7 +67,7 @@ def draw_mission_chart(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) 
         for event in events:
             marker, colour = _MARKS[event.kind]
             size = 14.0 if event.kind is EventKind.GRANTED else 5.0
-            axes.plot(event.time_s, row, marker, color=css(colour), markersize=size, zorder=4)
+            axes.plot(event.time_s, row, marker, color=css(colour), markersize=size, zorder=4, clip_on=False)
             kinds.add(event.kind)
         granted = [event for event in events if event.kind is EventKind.GRANTED]
         spans = pairwise([*(event.time_s for event in granted), end])

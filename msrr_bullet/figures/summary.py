@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from textwrap import fill
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -29,6 +30,8 @@ WIDTH, DPI = 12.0, 130
 _LEFT, _ROW, _TEXT = 5.7, 1.45, 0.75
 #: Smallest and largest height of the view from above [in].
 _MIN_ABOVE, _MAX_ABOVE = 1.7, 4.6
+#: Largest number of letters in a line above a frame.
+_TITLE = 38
 
 
 def write_picture(
@@ -107,5 +110,6 @@ def _draw_onboard(axes: Axes, view: CameraView) -> None:
         x, y = (float(a) for a in tag.corners.mean(axis=0))
         axes.annotate(str(tag.tag_id), (x, y), color=css(DETECTION), fontsize=7, ha="center")
     unit, time = carrier_of(view.exposure.camera) or "", seconds(view.stamp_ns)
-    axes.set_title(f"onboard {unit}, {time:.2f} s, tags found: {len(view.tags)}", fontsize=8)
+    title = f"onboard {unit}, {time:.2f} s, tags found: {len(view.tags)}"
+    axes.set_title(fill(title, _TITLE), fontsize=8)
     axes.set_axis_off()

@@ -77,6 +77,9 @@ def _draw(axes: Axes3D, reference: int, tags: dict[int, Array], cameras: list[Ar
     points = np.concatenate([*tags.values(), *cameras])
     low, high = points.min(axis=0), points.max(axis=0)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(np.maximum(high - low, 0.05 * (high - low).max()))
-    axes.set(xlabel="into the tag", ylabel="left", zlabel="up")
+    # The layout knows nothing of labels that stand off the box: at its full size one is cut.
+    axes.set_box_aspect(np.maximum(high - low, 0.05 * (high - low).max()), zoom=0.85)
+    for axis, label in ((axes.xaxis, "into the tag"), (axes.yaxis, "left"), (axes.zaxis, "up")):
+        axis.set_label_text(label)
+        axis.labelpad = 12.0
     axes.tick_params(labelsize=SMALL - 4.0)

@@ -21,6 +21,13 @@ _MOST_NAMES = 60
 _WIDTH_IN, _HEIGHT_IN = 15.0, 9.5
 
 
+class _PlainNumbers(LogFormatter):
+    """Labels of a logarithmic axis without powers of ten: figures have no mathematical text."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return f"{x:g}" if super().__call__(x, pos) else ""
+
+
 def draw_residuals(tag_map: TagMap, path: Path) -> Path:
     """Draw the distances of all corners from where the map puts them; return the file.
 
@@ -38,7 +45,7 @@ def draw_residuals(tag_map: TagMap, path: Path) -> Path:
         )
         angles = [math.degrees(s.angle) for s in tag_map.sightings]
         _scatter(by_angle, tag_map, angles, "angle from the normal of the tag [deg]")
-        by_angle.legend(loc="upper left", frameon=False)
+        by_angle.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
         _bars(by_picture, tag_map.sightings, [s.picture for s in tag_map.sightings], "picture")
         _bars(by_tag, tag_map.sightings, [str(s.tag_id) for s in tag_map.sightings], "tag")
         figure.suptitle(_title(tag_map))
@@ -63,14 +70,14 @@ def _title(tag_map: TagMap) -> str:
 
 
 def _scatter(axes: Axes, tag_map: TagMap, places: Sequence[float], label: str) -> None:
-    for kept, colour, name in ((True, BLUE, "used"), (False, VERMILLION, "left out")):
+    for kept, colour, marker, name in ((True, BLUE, ".", "used"), (False, VERMILLION, "x", "left out")):
         chosen = [(x, s.distances) for x, s in zip(places, tag_map.sightings, strict=True) if s.kept == kept]
         x = np.repeat([x for x, _ in chosen], 4)
         y = np.array([d for _, d in chosen]).ravel()
-        axes.plot(x, y, ".", color=css(colour), label=name, markersize=7.0, alpha=0.7)
+        axes.plot(x, y, marker, color=css(colour), label=name, markersize=7.0, alpha=0.7)
     axes.set_yscale("log")
     for write in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
-        write(LogFormatter(minor_thresholds=(1.0, 0.4)))  # plain numbers: figures have no mathematical text
+        write(_PlainNumbers(minor_thresholds=(1.0, 0.4)))
     axes.set_xlabel(label)
     axes.set_ylabel("corner residual [px]")
 

@@ -33,6 +33,9 @@ def test_it_names_what_was_left_out_as_a_whole(tmp_path: Path, monkeypatch: pyte
     assert f"; {len(left_out)} of {len(found.sightings)} sightings left out,\n{len(wrong)} of them" in title
     names = {label for axes in figure.axes for label in axes.get_xticklabels()}
     assert {n.get_text() for n in names if n.get_color() == css(VERMILLION)} == {pictures[2].name}
+    ticks = [tick.get_text() for tick in figure.axes[0].get_yticklabels()]
+    assert "1" in ticks
+    assert not any("e" in text for text in ticks)
     labels = [axes.get_xlabel() for axes in figure.axes]
     assert "picture (coloured: left out)" in labels
     monkeypatch.setattr(residual_figure, "_MOST_NAMES", 2)  # names are left out, and with them their colours
