@@ -9,14 +9,12 @@ function startPlots({plots}) {
     for (const plot of built) plot.destroy();
     $("plots").replaceChildren();
     built = [...(Object.hasOwn(plots, chosen) ? plots[chosen] : []), ...plots[""]].map((plot) => buildPlot(plot));
-    for (const plot of built) placeLine(plot, clock.time);
   }
   choices.push(build);
   themed.push(() => { if (chosen !== null) build(); });
   clock.shows.push((time) => { for (const plot of built) placeLine(plot, time); });
   new ResizeObserver(() => {
     for (const plot of built) plot.setSize(sizeOf(plot.root.parentElement));
-    for (const plot of built) placeLine(plot, clock.time);
   }).observe($("plots"));
 }
 const sizeOf = (card) => ({width: Math.max(200, card.clientWidth - 12), height: 150});
@@ -48,6 +46,7 @@ function buildPlot({title, times, curves, limits, asinh}) {
     scales: {x: {time: false, range: [0, clock.end]}, y: scale},
     axes: [{...axis, size: 26}, {...axis, size: 48, space: 20, ...logarithmic}],
     cursor: {drag: {x: false, y: false}, points: {show: false}},
+    hooks: {draw: [(drawn) => placeLine(drawn, clock.time)]},  // before it is drawn it has no scales
   }, [times, ...curves.map(({values}) => values), ...limits.map(({value}) => times.map(() => value))], card);
   plot.root.setAttribute("role", "img");
   plot.root.setAttribute("aria-label", `${title} over time`);

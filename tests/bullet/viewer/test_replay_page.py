@@ -200,8 +200,11 @@ def test_it_fits_the_window_in_light_and_dark(browser, run_page, short_log, size
     assert (image[:60].mean() < 80) == dark
     units = short_log.header.scene.units
     assert {short_log.header.scene.tag_ids(unit)["tag_top"] for unit in units} & browser.tags_in(image)
+    lines = browser.evaluate(SHOWN)["lines"]
     browser.click("$('theme')")
     assert (browser.picture()[:60].mean() < 80) != dark
+    assert browser.evaluate(SHOWN)["lines"] == pytest.approx(lines, abs=1.0)
+    assert min(lines) > browser.evaluate("document.querySelector('.u-over').getBoundingClientRect().left")
     assert browser.evaluate("document.querySelectorAll('.dg').length") == 0  # no raw tree of nodes
     assert browser.console == []
 
