@@ -22,6 +22,10 @@ _GRID_M, _HEADINGS = 0.2, 8
 #: Distance before a place to which a way is estimated [m].
 _BEFORE_M = 1.0
 
+#: Distance by which a shape that is built from another one should fit more closely than it has to [m]: its
+#: root stands where it came to rest and was pushed to, which is some centimetres and degrees off.
+_SLACK_M = 0.15
+
 #: Weights of the root's time and of the others' in the score; cost of a unit that stands in a place [s].
 _ROOT_WEIGHT, _WEIGHT, _STANDS_S = 2.0, 0.5, 4.0
 
@@ -121,7 +125,7 @@ def embedding(
 ) -> Embedding | None:
     """Return the best place in the arena for a shape; None if it does not fit.
 
-    Where there is such a place, shapes that are built from this one fit there, too.
+    Where there is such a place, shapes that are built from this one fit there, too, with some room to spare.
 
     Args:
         shape: The shape, with at most as many places as there are units.
@@ -139,8 +143,11 @@ def embedding(
     places = _places(shape, roots, lanes)
     fits = _fit(places, lanes, box, keep_out)
     for other in later:
-        both = fits & _fit(_places(other, roots, lanes), lanes, box, keep_out)
-        fits = both if both.any() else fits
+        for slack in (_SLACK_M, 0.0):
+            both = fits & _fit(_places(other, roots, lanes), lanes, _shrunk(box, slack), keep_out)
+            if both.any():
+                fits = both
+                break
     roots, places = roots[fits], places[fits]
     if not len(roots):
         return None
@@ -165,6 +172,11 @@ def embedding(
         return None
     score, k, pairs = best
     return Embedding(SE2(*roots[k].tolist()), {shape.places[p].name: names[u] for u, p in pairs}, score)
+
+
+def _shrunk(box: tuple[float, float, float, float], slack: float) -> tuple[float, float, float, float]:
+    x0, x1, y0, y1 = box
+    return x0 + slack, x1 - slack, y0 + slack, y1 - slack
 
 
 def _root_candidates(poses: Array, box: tuple[float, float, float, float]) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -56,8 +56,35 @@ def assembly_ports(holders: Mapping[str, str]) -> dict[str, Ports]:
     units = dict.fromkeys([*holders, *(port.partition(".")[0] for port in holders.values())])
     roots = [unit for unit in units if unit not in holders]
     if len(roots) != 1:
-        raise SceneError(f"an assembly needs exactly one root, found {', '.join(roots) or 'none'}")
+        raise SceneError(
+            f"an assembly needs exactly one root, found {', '.join(roots) or 'none'}; a shape is built from "
+            "one assembly, so lock all of its units to each other, or write a plan"
+        )
     return shape_ports(Shape.from_tree({**dict.fromkeys(roots, "root"), **holders}))
+
+
+def check_names(units: Sequence[str], named: Sequence[str]) -> None:
+    """Refuse a shape whose places are not named by the units that it is built from, by the root for its root.
+
+    Args:
+        units: Units that are locked together, the root first.
+        named: Names of the places of the shape, the root first.
+
+    Raises:
+        SceneError: The message says who.
+    """
+    others = [name for name in named if name not in units]
+    if others:
+        left = [unit for unit in units if unit not in named]
+        raise SceneError(
+            f"the places {', '.join(others)} are named by no unit of the assembly that the shape is built "
+            f"from; name them {', '.join(left)}"
+        )
+    if named[0] != units[0]:
+        raise SceneError(
+            f"{named[0]!r} is to be the root of the shape, and the root of the assembly that it is built "
+            f"from is {units[0]!r}, which stays where it is; make {units[0]!r} the root"
+        )
 
 
 class Reconfiguration:

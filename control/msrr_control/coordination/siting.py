@@ -13,6 +13,7 @@ from msrr_control.coordination.precedence import Lanes
 from msrr_control.coordination.reconfiguration import (
     Reconfiguration,
     assembly_ports,
+    check_names,
     reconfiguration_tasks,
     shape_ports,
 )
@@ -116,17 +117,30 @@ def check_shapes(mission: Mission, lanes: Lanes) -> None:
     Raises:
         SceneError: The message says why.
     """
-    form = dict.fromkeys(assembly_ports(mission.holders).values(), "") if mission.holders else None
+    if mission.shape is None:
+        return  # the steps of a plan may lead from one assembly to another
+    form = assembly_ports(mission.holders) if mission.holders else None
+    units = None if form is None else list(form)  # those that are locked together, the root first
     stage: Mission | None = mission
     while stage is not None and stage.shape is not None:
         shape_tasks(stage.shape, lanes)
-        goal = dict.fromkeys(shape_ports(stage.shape).values(), "")
+        goal = shape_ports(stage.shape)
         if form is not None:
             if len(form) != len(goal):
                 raise SceneError(
                     f"a {stage.name} is not built from an assembly of {len(form)} units: the numbers differ"
                 )
-            Reconfiguration(lanes, SE2(), (-math.inf, math.inf, -math.inf, math.inf)).hops(form, goal)
+            if stage.named:
+                if units is None:
+                    raise SceneError(
+                        f"a {stage.name} with named places is built from a shape whose places anybody takes, "
+                        "also that of the root, which stays where it is; name the places of that shape, too"
+                    )
+                check_names(units, list(goal))
+            places = (dict.fromkeys(ports.values(), "") for ports in (form, goal))
+            Reconfiguration(lanes, SE2(), (-math.inf, math.inf, -math.inf, math.inf)).hops(*places)
+        if stage.named:
+            units = list(goal)
         form, stage = goal, stage.then
 
 

@@ -114,6 +114,70 @@ def test_a_shape_that_cannot_be_built_is_refused_with_key_reason_and_mend(
     assert "shape.yaml" in str(caught.value)
 
 
+CHAIN = "b.front-a.rear, c.front-b.rear"
+
+
+@pytest.mark.parametrize(
+    ("assembled", "task", "says"),
+    [
+        (CHAIN, "shape: {named: true, tree: {a: root, b: a.left, c: a.rear}}", ""),
+        (
+            CHAIN,
+            "shape: {named: true, tree: {b: root, a: b.left, c: b.rear}}",
+            "'b' is to be the root of the shape, and the root of the assembly that it is built from is",
+        ),
+        (
+            CHAIN,
+            "shape: {named: true, tree: {a: root, b: a.left, d: a.rear}}",
+            "the places d are named by no unit of the assembly that the shape is built from; name them c",
+        ),
+        (
+            CHAIN,
+            "shape: [{tee: 4}, {line: 4}]",
+            "a tee of 4 is not built from an assembly of 3 units: the numbers differ",
+        ),
+        (
+            CHAIN,
+            "shape: [{line: 3}, {named: true, tree: {b: root, a: b.left, c: b.rear}}]",
+            "'b' is to be the root of the shape, and the root of the assembly that it is built from is",
+        ),
+        (
+            "",
+            "shape: [{line: 3}, {named: true, tree: {b: root, a: b.left, c: b.rear}}]",
+            "a tree of 3 with named places is built from a shape whose places anybody takes, also that",
+        ),
+        (
+            "b.front-a.rear, d.front-c.rear",
+            "shape: {line: 4}",
+            "exactly one root, found a, c; a shape is built from one assembly, so lock all",
+        ),
+        ("b.front-a.rear, d.front-c.rear", "plan: [{undock: b, name: out}, {unit: b, to: c.right}]", ""),
+    ],
+)
+def test_a_shape_is_built_from_one_assembly_by_those_who_are_in_it(
+    assembled: str, task: str, says: str, tmp_path: Path
+) -> None:
+    """Such a trial ended as incomplete, at once or with its second shape, for a reason that was another one.
+
+    A plan that leads from one assembly to another was refused, as if it were a shape.
+    """
+    poses = {u: f"{{x_m: 0.5, y_m: {0.8 * k - 1.0:g}}}" for k, u in enumerate("abcd")}
+    free = {u: pose for u, pose in poses.items() if f"{u}.front-" not in assembled}
+    units = [f"{u}: {{number: {k}, pose: {free.get(u, '{}')}}}" for k, u in enumerate("abcd")]
+    path = tmp_path / "chain.yaml"
+    path.write_text(
+        f"{{arena: {{y_m: [-1.7, 1.7]}}, cameras: {{overhead: {{height_m: 4.0}}}}, "
+        f"units: {{{', '.join(units)}}}, assembled: [{assembled}], {task}}}\n"
+    )
+    scene = load_scene(path, {"plant": "unicycle", "perception": "parametric"})
+    if not says:
+        check_trial(scene)
+        return
+    with pytest.raises(SceneError) as caught:
+        check_trial(scene)
+    assert says in str(caught.value)
+
+
 def test_a_shape_is_refused_where_the_overhead_camera_sees_too_little_of_the_arena(tmp_path: Path) -> None:
     """The same arena fits a line of three under a camera that sees all of it."""
     path, found = tmp_path / "shape.yaml", []
