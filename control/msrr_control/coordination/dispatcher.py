@@ -140,7 +140,8 @@ class Dispatcher:
         """Return in words why nobody gets a route for an open task."""
         name = self.assignment(tasks).get(task.name)
         if name is None:
-            return "no unit is left"
+            unseen = [u.name for u in self._units.values() if u.X_WU is None and not u.out_of_action]
+            return "no unit is left" + (f"; never seen from above: {', '.join(unseen)}" if unseen else "")
         unit, enters = self._units[name], self.ends.port_of(task)
         X_WE = self.ends.pose_of(task, tasks)
         reason = self.ends.hindrance(unit, X_WE, enters)

@@ -210,6 +210,17 @@ def test_without_a_spare_all_else_is_built_and_the_unit_is_named(rig: type[Rig],
     assert len(run.joints) == 3
 
 
+def test_a_place_that_is_left_empty_for_a_unit_that_nobody_saw_says_so(
+    rig: type[Rig], starts: Starts
+) -> None:
+    """It said that no unit was left, of one that stood there with its tags covered."""
+    run = rig(Mission(shape=build_pattern("line", 3)), starts(1, 3))
+    run.units["u1"].hidden_s = (0.0, 1000.0)
+    status = run.run()
+    assert status.state is MissionState.INCOMPLETE
+    assert status.reason == "p2: no unit is left; never seen from above: u1"
+
+
 @pytest.mark.parametrize(
     ("spare", "hidden_s"), [(False, (5.0, 20.0)), (True, (5.0, 20.0)), (False, (5.0, 90.0))]
 )
