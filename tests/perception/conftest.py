@@ -78,6 +78,21 @@ def _plate(tag_id: int) -> Pixels:
 
 def _warp(window: Window, prints: Iterable[tuple[Pixels, np.ndarray]], background: int = 110) -> Pixels:
     """Draw prints (bitmap, pixels of the black square's corners) into a window, as a lens would."""
+    prints = list(prints)
+    picture = np.full((window.height, window.width), background, dtype=np.uint8)
+    around = np.concatenate([corners for _, corners in prints]) - [window.x, window.y]
+    border = 0.3 * np.ptp(around, axis=0).max() + 2.0  # wider than the white border of any print
+    size = (window.width, window.height)
+    x, y = np.clip(around.min(axis=0) - border, 0, size).astype(int).tolist()
+    x_end, y_end = np.clip(around.max(axis=0) + border, 0, size).astype(int).tolist()
+    if x < x_end and y < y_end:
+        seen = Window(window.x + x, window.y + y, x_end - x, y_end - y)
+        picture[y:y_end, x:x_end] = _drawn(seen, prints, background)
+    return np.asarray(cv2.GaussianBlur(picture, (0, 0), BLUR_PX), dtype=np.uint8)
+
+
+def _drawn(window: Window, prints: Iterable[tuple[Pixels, np.ndarray]], background: int) -> Pixels:
+    """Draw prints as a sharp lens would: every pixel is the mean of many samples."""
     s = SUPERSAMPLING
     canvas = np.full((window.height * s, window.width * s), background, dtype=np.uint8)
     for bitmap, corners in prints:
@@ -89,8 +104,7 @@ def _warp(window: Window, prints: Iterable[tuple[Pixels, np.ndarray]], backgroun
         size = (canvas.shape[1], canvas.shape[0])
         inside = cv2.warpPerspective(np.full_like(bitmap, 255), H, size, flags=cv2.INTER_NEAREST) > 0
         canvas[inside] = cv2.warpPerspective(bitmap, H, size, flags=cv2.INTER_LINEAR)[inside]
-    sharp = cv2.resize(canvas, (window.width, window.height), interpolation=cv2.INTER_AREA)
-    return np.asarray(cv2.GaussianBlur(sharp, (0, 0), BLUR_PX), dtype=np.uint8)
+    return cv2.resize(canvas, (window.width, window.height), interpolation=cv2.INTER_AREA)
 
 
 Draw = Callable[[SE2, Window], Pixels]
