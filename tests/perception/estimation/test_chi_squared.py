@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import pytest
 from scipy.stats import chi2
 
@@ -15,8 +12,3 @@ from msrr_perception.estimation.chi_squared import chi_squared_quantile
 @pytest.mark.parametrize("probability", [0.01, 0.5, 0.95, 0.99, 0.9999])
 def test_quantiles_are_those_of_the_distribution(probability: float, degrees_of_freedom: int) -> None:
     assert chi_squared_quantile(probability, degrees_of_freedom) == chi2.ppf(probability, degrees_of_freedom)
-
-
-def test_what_a_trial_imports_loads_no_scipy() -> None:
-    program = "import sys, msrr_bullet.run; raise SystemExit('scipy' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
