@@ -14,6 +14,8 @@ import pytest
 from hypothesis import settings
 
 from msrr_bullet.sensors.preparation import prepare_cameras
+from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
 
@@ -61,6 +63,13 @@ def shipped() -> ShippedScene:
 def shipped_as_is(name: str) -> Scene:
     """Return a shipped scene as its file has it, read once for all tests."""
     return load_scene(name)
+
+
+def pose_error(found: SE2, true: SE2) -> Array:
+    """Return by how much place and heading of a pose are off, shape (3,) [m, m, rad]."""
+    off = found.as_array() - true.as_array()
+    off[2] = wrap_angle(float(off[2]))
+    return off
 
 
 def load_script(path: Path) -> ModuleType:

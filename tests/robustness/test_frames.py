@@ -13,6 +13,7 @@ from scipy.stats import chi2
 
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.pose.joint_pose import joint_pose
+from tests.conftest import pose_error
 
 #: Gaps between the faces [m]: where an approach begins, and where it is decided.
 FAR, NEAR = (0.50, 0.75), (0.10, 0.30)
@@ -54,8 +55,7 @@ def read(gallery: Any, noise: float, blur: float) -> list[Frame]:
         if pose is None:
             frames.append(Frame(found))
             continue
-        error = pose.X_DU.as_array() - view.X_DU.as_array()
-        error[2] = math.remainder(error[2], 2.0 * math.pi)
+        error = pose_error(pose.X_DU, view.X_DU)
         # The lateral error of the middle of the port, which has to enter the holes.
         lateral = error[1] + target.front * math.sin(error[2])
         squared_distance = float(error @ np.linalg.solve(pose.covariance, error))

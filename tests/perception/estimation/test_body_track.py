@@ -19,6 +19,7 @@ from msrr_perception.pose.overhead_errors import PoseErrors
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose, Twist
 from msrr_scenes.specs.vehicle import LimitsSpec
+from tests.conftest import pose_error
 
 LIMITS = LimitsSpec.model_validate({})
 NOISE = TrackNoise(LIMITS)
@@ -80,12 +81,6 @@ class Scene:
         assert self.track is not None
         e = self.error()
         return float(e @ np.linalg.solve(self.track.pose(self.now_ns, NOISE).covariance, e))
-
-
-def pose_error(X: SE2, true: SE2) -> np.ndarray:
-    e = X.as_array() - true.as_array()
-    e[2] = math.remainder(e[2], 2.0 * math.pi)
-    return e
 
 
 def drives_after(start_s: float, v: float, w: float) -> Callable[[float], Twist]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import product
 from typing import Any
 
@@ -54,21 +55,11 @@ def _messages(
     """
     rng = np.random.default_rng(seed)
     encoders = None if odometry is None else WheelEncoders("a", odometry, np.random.default_rng(seed))
-    X, wheels, poses = SE2(-0.7, 0.02, 0.05), np.zeros(2), []
+    poses, angles = _driven(rng.uniform(0.8, 1.2), target.track, target.wheel_radius)
     arrivals: list[tuple[float, int, Any]] = []
-    phase = rng.uniform(0.8, 1.2)
-    for ms in range(-100, 1100):
-        t = 1e-3 * max(ms - 100, 0)
-        v = 0.1 * math.sin(math.pi * min(t, 1.0)) ** 2
-        w = 0.8 * phase * math.sin(2.0 * math.pi * phase * t) * min(4.0 * t, 1.0)
-        poses.append(X)
-        if ms >= 0 and ms % 10 == 0:
-            left, right = wheels.tolist()
-            reading = WheelOdometry("a", ms * MS, left, right)
-            arrivals.append((ms, 0, encoders.read((left, right), ms * MS) if encoders else reading))
-        half = 0.5 * w * target.track
-        wheels = wheels + np.array([v - half, v + half]) * 1e-3 / target.wheel_radius
-        X = X @ SE2.exp(1e-3 * v, 0.0, 1e-3 * w)
+    for ms, (left, right) in zip(range(0, 1100, 10), angles, strict=True):
+        reading = WheelOdometry("a", ms * MS, left, right)
+        arrivals.append((ms, 0, encoders.read((left, right), ms * MS) if encoders else reading))
     for frame, stamp in enumerate(range(0, 1000, 40)):
         at_ms, exposure = stamp - late_ms, Exposure("a/onboard", frame, stamp * MS)
         message: Detections | PoseMeasurement
@@ -81,6 +72,23 @@ def _messages(
         arrivals.append((at_ms + LATENCY_MS, 1, message))
     arrived = [m for m in arrivals if m[0] <= ends_ms + 100]
     return sorted(arrived, key=lambda m: m[:2]), poses[ends_ms + 100]
+
+
+@cache
+def _driven(phase: float, track: float, wheel_radius: float) -> tuple[list[SE2], list[tuple[float, float]]]:
+    """Return poses, one per millisecond from -0.1 s on, and wheel angles, one per 10 ms from 0 s on."""
+    X, wheels, poses, angles = SE2(-0.7, 0.02, 0.05), np.zeros(2), [], []
+    for ms in range(-100, 1100):
+        t = 1e-3 * max(ms - 100, 0)
+        v = 0.1 * math.sin(math.pi * min(t, 1.0)) ** 2
+        w = 0.8 * phase * math.sin(2.0 * math.pi * phase * t) * min(4.0 * t, 1.0)
+        poses.append(X)
+        if ms >= 0 and ms % 10 == 0:
+            angles.append((float(wheels[0]), float(wheels[1])))
+        half = 0.5 * w * track
+        wheels = wheels + np.array([v - half, v + half]) * 1e-3 / wheel_radius
+        X = X @ SE2.exp(1e-3 * v, 0.0, 1e-3 * w)
+    return poses, angles
 
 
 def _pose_at(poses: list[SE2], ms: float) -> SE2:

@@ -30,6 +30,7 @@ from msrr_scenes.messages import (
 from msrr_scenes.registry import build
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Choice
+from tests.conftest import pose_error
 
 MakeDrive = Callable[..., Any]
 MS = 1_000_000
@@ -41,9 +42,7 @@ def _ekf(target: TargetModel, scene: Scene, **options: Any) -> CornerEkf:
 
 def _error(found: PoseEstimate | None, X: SE2) -> np.ndarray:
     assert found is not None
-    d = found.X_DU.as_array() - X.as_array()
-    d[2] = math.remainder(d[2], 2.0 * math.pi)
-    return d
+    return pose_error(found.X_DU, X)
 
 
 def _follow(drive: Any, estimator: Estimator, ticks: int, latency_ticks: int = 4) -> None:

@@ -20,6 +20,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Detections, Exposure, PoseEstimate, PoseMeasurement, TagDetection
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import pose_error
 
 X_DU = SE2(-0.6, 0.05, 0.1)
 EXPOSURE = Exposure("a/onboard", 0, 0)
@@ -90,8 +91,7 @@ def test_the_first_pose_by_corners_is_as_uncertain_as_it_is_wrong(
         estimate = ekf.estimate(0)
         if estimate is None:
             continue
-        off = estimate.X_DU.as_array() - X_DU.as_array()
-        off[2] = math.remainder(off[2], 2.0 * math.pi)
+        off = pose_error(estimate.X_DU, X_DU)
         squares.append(float(off @ np.linalg.solve(estimate.covariance, off)))
     assert len(squares) > 140
     assert 2.2 < np.mean(squares) < 3.8

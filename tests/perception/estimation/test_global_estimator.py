@@ -33,6 +33,7 @@ from msrr_scenes.messages import (
     WheelOdometry,
 )
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import pose_error
 
 TICK_NS = 10_000_000  # encoders at 100 Hz
 FRAME_TICKS = 10
@@ -172,9 +173,7 @@ def make(scene: Scene, model: OverheadModel) -> Make:
 
 
 def error(pose: GlobalPose, true: SE2) -> np.ndarray:
-    e = pose.X_WB.as_array() - true.as_array()
-    e[2] = math.remainder(e[2], 2.0 * math.pi)
-    return e
+    return pose_error(pose.X_WB, true)
 
 
 def nees(pose: GlobalPose, true: SE2) -> float:

@@ -15,6 +15,7 @@ from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, PoseEstimate, TagDetection
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import pose_error
 
 PERIOD_NS = 40_000_000
 SIGMA_PX = 0.5
@@ -42,8 +43,7 @@ def look(target: TargetModel, project: Callable[..., Any]) -> Look:
 
 def _squared_deviations(estimate: PoseEstimate | None, X_DU: SE2) -> float:
     assert estimate is not None
-    off = estimate.X_DU.as_array() - X_DU.as_array()
-    off[2] = math.remainder(off[2], 2.0 * math.pi)
+    off = pose_error(estimate.X_DU, X_DU)
     return float(off @ np.linalg.solve(estimate.covariance, off))
 
 

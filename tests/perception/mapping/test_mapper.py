@@ -132,7 +132,7 @@ def moved(pictures: list[TaggedPicture], tag_id: int, wrong: Collection[int], sh
     return {pictures[showing[i]].name for i in wrong}
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_numbers_that_were_read_elsewhere_are_named(seed: int) -> None:
     """Two tags of ten pictures are seen somewhere else, hundreds of pixels off."""
     rng = np.random.default_rng(seed)
@@ -169,7 +169,7 @@ def test_an_id_that_two_tags_have_is_a_tag_where_most_pictures_show_it(seed: int
     assert max(squared_errors(found, tags)) < 40.0  # of six degrees of freedom: 5 in 10^7 are above
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.nightly)])
 def test_wrong_sightings_of_one_tag_do_not_cost_the_tag(seed: int) -> None:
     """One corner is off by 15 standard deviations in three pictures of a dozen."""
     rng = np.random.default_rng(seed)

@@ -23,6 +23,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Detections, Exposure, Pixels, TagDetection
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import pose_error
 
 ERRORS = CornerErrors(noise_grey=30.0, blur_px=2.5)
 
@@ -92,8 +93,7 @@ def test_the_covariance_is_honest(localizer: GlobalLocalizer) -> None:
         errors = rng.normal(0.0, math.hypot(ERRORS.frame_px(edge_px), ERRORS.lasting_px(edge_px)), 8)
         seen = TagDetection(30, exact + (corners_by_sections(exact) @ errors).reshape(4, 2))
         (found,) = localizer.locate(_detections(seen))
-        e = found.X_WB.as_array() - X.as_array()
-        e[2] = math.remainder(e[2], 2.0 * math.pi)
+        e = pose_error(found.X_WB, X)
         nees += float(e @ np.linalg.solve(found.covariance, e))
         assert math.sqrt(found.covariance[0, 0]) < 0.002
     low, high = chi2.ppf([5e-7, 1 - 5e-7], 3 * n)

@@ -13,6 +13,7 @@ from msrr_perception.pose.joint_pose import CornerNoise, joint_fits, joint_pose,
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import TagDetection
+from tests.conftest import pose_error
 
 See = Callable[..., tuple[TagDetection, ...]]
 NOISE = CornerNoise(corner_sigma_px=0.3, tilt_sigma=math.radians(0.3))
@@ -27,12 +28,6 @@ def _poses(n: int, seed: int, near: float = 0.15, far: float = 0.9) -> list[SE2]
     return out
 
 
-def _error(found: SE2, X: SE2) -> np.ndarray:
-    d = found.as_array() - X.as_array()
-    d[2] = math.remainder(d[2], 2.0 * math.pi)
-    return d
-
-
 def _gap(target: TargetModel, tags: Sequence[TagDetection]) -> float:
     """Return by how much the second of two poses explains tags worse than the first; infinite without one."""
     best, *others = joint_fits(target, tags, NOISE)
@@ -44,7 +39,7 @@ def test_noiseless_corners_give_the_exact_pose_from_everywhere(target: TargetMod
         for tags in (target.port_tags, target.port_tags[:2], target.port_tags[1:]):
             pose = joint_pose(target, see(pose_vector(X), tags))
             assert pose is not None
-            np.testing.assert_allclose(_error(pose.X_DU, X), 0.0, atol=1e-6)
+            np.testing.assert_allclose(pose_error(pose.X_DU, X), 0.0, atol=1e-6)
 
 
 def test_a_tilt_beyond_its_prior_is_found_from_three_tags(target: TargetModel, see: See) -> None:
@@ -114,7 +109,7 @@ def test_covariance_is_honest_and_errors_are_at_the_cramer_rao_bound(
         truth = pose_vector(X, *rng.normal(0.0, NOISE.tilt_sigma, 2))
         pose = joint_pose(target, see(truth, target.port_tags, rng), NOISE)
         assert pose is not None
-        e = _error(pose.X_DU, X)
+        e = pose_error(pose.X_DU, X)
         nees += float(e @ np.linalg.solve(pose.covariance, e))
         errors.append(e)
         bounds.append(np.diag(_cramer_rao(target, truth, jacobian)))
@@ -140,11 +135,11 @@ def test_one_flat_tag_leaves_two_poses_and_the_floor_tells_them_apart(target: Ta
             (detection,) = see(pose_vector(X), [tag])
             candidates = one_tag_poses(target, detection)
             assert len(candidates) == 2
-            errors = [np.abs(_error(c, X)).max() for c in candidates]
+            errors = [np.abs(pose_error(c, X)).max() for c in candidates]
             assert min(errors) < 1e-4
             pose = joint_pose(target, [detection])
             assert pose is not None
-            np.testing.assert_allclose(_error(pose.X_DU, X), 0.0, atol=1e-4)
+            np.testing.assert_allclose(pose_error(pose.X_DU, X), 0.0, atol=1e-4)
 
 
 def test_an_ambiguous_view_is_reported_and_its_covariance_covers_both_poses(
@@ -164,7 +159,7 @@ def test_an_ambiguous_view_is_reported_and_its_covariance_covers_both_poses(
         tags = see(pose_vector(X), [mast], rng)
         pose = joint_pose(target, tags, NOISE)
         assert pose is not None
-        e = _error(pose.X_DU, X)
+        e = pose_error(pose.X_DU, X)
         bad += float(e @ np.linalg.solve(pose.covariance, e)) > 25.0
         ambiguous += _gap(target, tags) < 9.0
         squares.append(e[1:] ** 2)
