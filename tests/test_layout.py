@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -43,9 +44,15 @@ def sources(package: str) -> Iterator[Path]:
     yield from sorted((PACKAGES[package][0] / package).rglob("*.py"))
 
 
-def imported(tree: ast.AST) -> Iterator[str]:
+@cache
+def nodes(path: Path) -> tuple[ast.AST, ...]:
+    """Return what the code of a file is made of, read once for all tests."""
+    return tuple(ast.walk(ast.parse(path.read_text())))
+
+
+def imported(path: Path) -> Iterator[str]:
     """Yield the top-level name of everything imported, at any depth of the code."""
-    for node in ast.walk(tree):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             yield from (alias.name.partition(".")[0] for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -69,7 +76,7 @@ def texts() -> Iterator[tuple[Path, str]]:
 def test_imports_run_one_way(package: str) -> None:
     allowed = PACKAGES[package][1]
     for path in sources(package):
-        foreign = set(imported(ast.parse(path.read_text()))) & GUARDED - allowed
+        foreign = set(imported(path)) & GUARDED - allowed
         assert not foreign, f"{path.relative_to(ROOT)} imports {', '.join(sorted(foreign))}"
 
 
@@ -77,12 +84,7 @@ def test_what_is_imported_is_a_dependency_and_nothing_else_is() -> None:
     def normal(name: str) -> str:
         return re.sub(r"[-_.]+", "-", name).lower()
 
-    names = {
-        name
-        for package in PACKAGES
-        for path in sources(package)
-        for name in imported(ast.parse(path.read_text()))
-    }
+    names = {name for package in PACKAGES for path in sources(package) for name in imported(path)}
     names.discard("pydantic_core")  # comes with pydantic, which pins it
     foreign = names - sys.stdlib_module_names - PACKAGES.keys()
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -178,7 +180,7 @@ def test_libraries_print_nothing() -> None:
                 continue
             calls = [
                 node.lineno
-                for node in ast.walk(ast.parse(path.read_text()))
+                for node in nodes(path)
                 if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
             ]
             assert not calls, f"{path.relative_to(ROOT)} prints in line {calls[0]}"

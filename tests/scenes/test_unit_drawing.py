@@ -1,4 +1,5 @@
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,10 @@ from tests.conftest import load_script
 
 @pytest.fixture(scope="module")
 def draw_unit():
-    return load_script(urdf_folder() / "draw_unit.py")
+    """The program, which measures the holes once for all tests."""
+    script = load_script(urdf_folder() / "draw_unit.py")
+    script.hole_widths = cache(script.hole_widths)
+    return script
 
 
 def labels(path: Path) -> list[str]:
