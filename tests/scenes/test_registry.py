@@ -27,7 +27,6 @@ class Thing:
         """Do what Fraction has a method for too, so that Fraction fulfils the protocol."""
 
 
-NOT_CALLABLE = 3
 TABLE = ExtensionPoint({"thing": Thing}, methods={"limit_denominator": no_result})
 
 

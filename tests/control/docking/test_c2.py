@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams
@@ -13,12 +12,8 @@ from msrr_control.feedback.composite import CompositeGains
 from msrr_control.feedback.sliding import SlidingGains
 from msrr_control.studies.disturbance import Disturbance
 from msrr_control.studies.docking_study import run_study
-from msrr_scenes.specs.vehicle import LimitsSpec
 
-NORMAL = LimitsSpec.model_validate({})
 PAPER = GuidanceSpec(contact_mps=0.11, overrun_m=0.08, lag_m=10.0, corridor_m=10.0)
-GAINS = SlidingGains(k_per_s=1.2, reach_mps=0.05, layer_m=0.02)
-FINITE = st.floats(-10.0, 10.0)
 
 
 def test_the_cone_correction_is_that_of_c1(facts: DockSetup) -> None:

@@ -12,7 +12,6 @@ from msrr_control.kinematics.controlled_point import offset_point, point_velocit
 from msrr_control.kinematics.elementwise import at_least, at_most, join, limit, number, split, where
 
 TRIALS = 40
-DT = 0.02
 
 
 @pytest.mark.parametrize("name", ["sin", "cos", "tan", "tanh", "exp", "log1p", "sqrt", "sinc", "tanh_tan"])

@@ -1,10 +1,8 @@
-"""The layers of the long-distance law: laws and properties."""
+"""The long-distance law steps many robots as it steps one, which it does fast enough."""
 
 import time
 
 import numpy as np
-import pytest
-from hypothesis import strategies as st
 
 from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams
 from msrr_control.path_following.obstacle_forces import Obstacles
@@ -14,32 +12,6 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 
 DT = 0.02
 NORMAL = LimitsSpec.model_validate({})
-TIGHT = LimitsSpec.model_validate({"setting": "tight"})
-NOWHERE = SideWall(np.array(False), np.zeros(2), np.array(0.0))
-ALONE = Obstacles(np.zeros((0, 2)), np.zeros(0, dtype=bool))
-POINT = st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)).map(np.array)
-
-
-def test_many_robots_step_as_one_does() -> None:
-    rng = np.random.default_rng(0)
-    law = C1PathFollowingLaw(C1PathFollowingParams(), NORMAL, 0.1)
-    starts = rng.uniform(-0.05, 0.05, (4, 3))
-    paths = Path(np.zeros((4, 3)), rng.uniform(-1, 1, (4, 1)), np.full((4, 1), 2.0))
-    centre = rng.uniform(0.2, 0.6, (4, 2))
-    wall = SideWall(np.array([True, False, True, False]), centre, rng.uniform(-3, 3, 4))
-    obstacles = Obstacles(centre[:, None], np.ones((4, 1), dtype=bool))
-    state = law.start(starts, np.zeros((4, 2)))
-    for _ in range(20):
-        together, state = law.step(state, paths, starts, wall, obstacles, DT)
-    for i in range(4):
-        path = Path(paths.start[i], paths.curvature[i], paths.lengths[i])
-        alone_wall = SideWall(*(part[i] for part in wall))
-        alone = law.start(starts[i], np.zeros(2))
-        for _ in range(20):
-            command, alone = law.step(
-                alone, path, starts[i], alone_wall, Obstacles(*(part[i] for part in obstacles)), DT
-            )
-        np.testing.assert_allclose(command, together[i], atol=1e-9)
 
 
 def test_one_robot_steps_fast_enough() -> None:
@@ -60,9 +32,8 @@ def test_one_robot_steps_fast_enough() -> None:
 TRIALS = 40
 
 
-@pytest.mark.parametrize("walled", [False, True])
-def test_the_long_distance_law_drives_one_robot_as_it_drives_many(walled: bool) -> None:
-    """40 random courses past two obstacles, one absent, with or without a wall: 60 steps, every bit."""
+def test_the_long_distance_law_drives_one_robot_as_it_drives_many() -> None:
+    """40 random courses past two obstacles, one absent, half of them along a wall: 60 steps, every bit."""
     rng = np.random.default_rng(3)
     starts = np.column_stack([rng.normal(0.0, 0.1, (TRIALS, 2)), rng.uniform(-3.0, 3.0, TRIALS)])
     curvature = np.column_stack([rng.uniform(-1.0, 1.0, TRIALS), np.zeros(TRIALS)])
@@ -70,7 +41,7 @@ def test_the_long_distance_law_drives_one_robot_as_it_drives_many(walled: bool) 
     pose = starts + rng.normal(0.0, 0.03, (TRIALS, 3))
     centre, present = rng.normal(0.0, 0.6, (TRIALS, 2, 2)), np.tile([True, False], (TRIALS, 1))
     wall = SideWall(
-        np.full(TRIALS, walled), rng.normal(0.0, 0.3, (TRIALS, 2)), rng.uniform(-3.0, 3.0, TRIALS)
+        np.arange(TRIALS) % 2 == 0, rng.normal(0.0, 0.3, (TRIALS, 2)), rng.uniform(-3.0, 3.0, TRIALS)
     )
     law = C1PathFollowingLaw(C1PathFollowingParams(), LimitsSpec.model_validate({}), 0.1)
     twist = np.zeros((TRIALS, 2))

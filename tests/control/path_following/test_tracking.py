@@ -11,12 +11,11 @@ from hypothesis import strategies as st
 
 from msrr_control.feedback.auxiliary import AuxiliaryGains
 from msrr_control.path_following.obstacle_forces import Obstacles, SpringGains
-from msrr_control.path_following.reference import ReferenceState, SideWall, reference_start
+from msrr_control.path_following.reference import ReferenceState, reference_start
 from msrr_control.path_following.tracking import TrackingGains, TrackingState, tracking_start, tracking_step
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 LIMITS = LimitsSpec()
-NOWHERE = SideWall(np.array(False), np.zeros(2), np.array(0.0))
 ALONE = Obstacles(np.zeros((0, 2)), np.zeros(0, dtype=bool))
 TINY = 1e-6  # [s]: a derivative to six digits
 NEAR = st.floats(-0.5, 0.5)
