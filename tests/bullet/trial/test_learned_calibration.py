@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from msrr_bullet.log import MemoryRecorder
-from msrr_bullet.run import run_trial
 from msrr_bullet.trial.trial import Trial
+from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.estimation.knowledge import CalibrationMemory, Knowledge
+from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Action, Phase, PoseEstimate
@@ -60,8 +62,14 @@ def test_units_that_a_base_station_leads_do_not_calibrate(tmp_path: Path) -> Non
         load_scene(path)
 
 
-def test_what_is_learned_at_a_seat_is_learned_without_pixels_as_well() -> None:
-    """The mission of `dock_again` by measured poses that are as wrong as those of the camera."""
-    blind = {"plant": "unicycle", "perception": "parametric"}
-    result = run_trial(load_scene("dock_again", blind), 0)
-    assert result.outcome is Outcome.COMPLETE
+def test_a_seat_teaches_a_unit_without_pixels_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    """How the marker is turned to the port: poses, measured however often, tell nothing of it."""
+    kept: dict[str, Knowledge] = {}
+    monkeypatch.setattr(CalibrationMemory, "keep", lambda _, port, knowledge: kept.update({port: knowledge}))
+    blind = {"plant": "unicycle", "perception": "parametric", "radio": "{}"}
+    scene = load_scene("dock_again", {**blind, "plan": "[{unit: a, to: b.rear}]"})
+    assert Trial(scene, 0).run().outcome is Outcome.COMPLETE
+    drawn = CornerEkf(TargetModel.from_scene(scene, scene.docks[0]), scene.odometry).drawn
+    sigmas = [np.sqrt(known.covariance[-1, -1]) for known in (kept.pop("b.rear"), drawn)]
+    assert sigmas[0] < 0.9 * sigmas[1]
+    assert not kept
