@@ -119,16 +119,6 @@ def test_an_interrupt_that_was_dealt_with_hides_no_mistake(
     assert "a mistake" in capsys.readouterr().err
 
 
-def test_a_full_disk_is_one_message(short_trial: list[str], capsys: Capture) -> None:
-    assert (
-        run(["sweep", "close_range", *short_trial, "--seeds", "0:1", "--jobs", "1", "--json", "/dev/full"])
-        == 2
-    )
-    err = capsys.readouterr().err
-    assert "No space left on device" in err
-    assert "Traceback" not in err
-
-
 def _need_mounts(folder: Path) -> None:
     """Skip the test where this user may not mount a disk."""
     if _with_full_folder(folder, "true").returncode:

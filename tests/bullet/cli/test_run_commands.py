@@ -15,16 +15,16 @@ from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.reader import LOG_NAME, read_log
 from msrr_bullet.run import run_trial
 from msrr_bullet.trial.telemetry import Progress
-from msrr_scenes.messages import Action
+from msrr_scenes.messages import NS_PER_S, Action
 from msrr_scenes.specs.scene import Scene
 
 
 def test_a_log_that_ends_early_is_not_taken_for_a_whole_one(
     short_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A check that replays a log passed on half of one."""
+    """A check that replays a log passed on half of one; this is a third."""
     content = (short_run / LOG_NAME).read_bytes()
-    (tmp_path / LOG_NAME).write_bytes(content[: len(content) // 2])
+    (tmp_path / LOG_NAME).write_bytes(content[: len(content) // 3])
     assert run(["replay", str(tmp_path)]) == NOT_DOCKED
     found = re.search(r"identical up to (\d\.\d{3}) s, where the log ends early", capsys.readouterr().out)
     assert found
@@ -76,7 +76,7 @@ def test_a_replay_that_ends_at_a_difference_does_not_say_that_the_trial_was_inte
     """Every command of the log is changed, so that the replay ends long before the log does."""
     log = read_log(short_run)
     with McapRecorder(tmp_path / LOG_NAME, log.header) as recorder:
-        for record in log.records():
+        for record in log.records(end_ns=2 * NS_PER_S):
             message = record.message
             if isinstance(message, Action):
                 message = replace(message, reason="another one")

@@ -44,6 +44,8 @@ def test_a_file_that_cannot_be_written_costs_no_other_one(
     assert run([*arguments, "--json", "/dev/full", "--csv", "trials.csv"]) == 2
     out, err = capsys.readouterr()
     assert "/dev/full: cannot be written" in err
+    assert "No space left on device" in err
+    assert "Traceback" not in err
     assert "--set" not in err, "what was set for the scene is not the reason"
     assert "95 % confidence intervals" in out
     assert len(list(csv.reader((tmp_path / "trials.csv").open()))) == 2

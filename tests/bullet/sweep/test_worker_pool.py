@@ -30,6 +30,7 @@ def test_every_seed_is_collected_once(scene: Scene, inline: SupportsSubmit, made
 def test_a_worker_that_dies_takes_no_other_trial_with_it(
     short_trial: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """The others come out as they do in this process."""
     (tmp_path / "deadly_trial.py").write_text(
         "import os\n"
         "from msrr_bullet.sweep.trials import one_trial\n"
@@ -41,10 +42,14 @@ def test_a_worker_that_dies_takes_no_other_trial_with_it(
     monkeypatch.syspath_prepend(tmp_path)
     from deadly_trial import trial
 
-    summary = sweep(load_scene("close_range", short_trial), range(4), jobs=2, trial=trial)
+    scene, there = load_scene("close_range", short_trial), dict[int, TrialResult | TrialFailure]()
+    summary = sweep(
+        scene, range(4), jobs=2, trial=trial, observer=lambda found, _: there.update({found.seed: found})
+    )
     assert [f.seed for f in summary.failures] == [1]
     assert "died" in summary.failures[0].error
-    assert sum(summary.outcomes.values()) == 3
+    assert summary.outcomes == {"timeout": 3}
+    assert [there[seed] for seed in (0, 2, 3)] == [one_trial(scene, seed) for seed in (0, 2, 3)]
 
 
 @pytest.mark.nightly
@@ -208,17 +213,3 @@ def test_a_program_whose_workers_cannot_start_is_told_so() -> None:
     assert ran.returncode != 0
     assert "no process for trials can start" in ran.stderr
     assert ran.stderr.count("FileNotFoundError") <= 2, "not one for each seed"
-
-
-def test_real_trials_in_other_processes_come_out_the_same(short_trial: dict[str, str]) -> None:
-    scene = load_scene("close_range", short_trial)
-    here = [one_trial(scene, seed) for seed in range(3)]
-    there: dict[int, TrialResult] = {}
-
-    def keep(found: TrialResult | TrialFailure, stored: bool) -> None:
-        assert isinstance(found, TrialResult), found
-        there[found.seed] = found
-
-    summary = sweep(scene, range(3), jobs=2, observer=keep)
-    assert summary.outcomes == {"timeout": 3}
-    assert [there[seed] for seed in range(3)] == here
