@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -97,10 +96,9 @@ def test_the_result_holds_belief_and_truth(docking: Docking) -> None:
     assert attempt.true.x_m == pytest.approx(-docking.scene.geometry("a").port("front").x, abs=0.003)
 
 
-@pytest.mark.parametrize(
-    ("plant", "perception"), list(itertools.product(("bullet", "unicycle"), ("images", "parametric")))
-)
+@pytest.mark.parametrize(("plant", "perception"), [("bullet", "parametric"), ("unicycle", "images")])
 def test_plant_and_perception_are_independent_axes(plant: str, perception: str, shipped: Load) -> None:
+    """With both of `bullet` and `images`, and with neither, units dock in other tests of this file."""
     result = run_trial(
         shipped("weak_lock", {"plant": plant, "perception": perception, "lock.strength_n": "60"}), 2
     )
