@@ -27,8 +27,6 @@ def test_the_plot_shows_belief_on_truth_and_the_clearance(
     for name in ("BELIEF", "CLEARANCE", "GREEN", "VERMILLION", "PLAN"):
         drawn, legend = (count_pixels(each, getattr(palette, name), 3) for each in (path, without))
         assert drawn - legend > 100, name
-    again = write_plot(tmp_path / "again.png", short_log.header.scene, short_snapshots, "timeout")
-    assert path.read_bytes() == again.read_bytes()
 
 
 @pytest.mark.parametrize("ending", ["pdf", "svg"])
@@ -58,7 +56,7 @@ def test_units_under_way_at_once_have_curves_of_their_own(short_log, short_snaps
     other = replace(short_snapshots[0].steps[0], unit="b", step=DockStep(unit="b", to="a.rear"))
     both = [replace(s, steps=(*s.steps, other)) for s in short_snapshots[::10]]
     first = write_plot(tmp_path / "first.png", scene, both).read_bytes()
-    assert first == write_plot(tmp_path / "a.png", scene, both, unit="a").read_bytes()
+    assert first == write_plot(tmp_path / "a.png", scene, both, unit="a").read_bytes()  # repeatable, too
     assert first != write_plot(tmp_path / "b.png", scene, both, unit="b").read_bytes()
     with pytest.raises(MsrrError, match="unit 'c' has no step in this run; units with one: a, b"):
         write_plot(tmp_path / "c.png", scene, both, unit="c")
