@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import resource
+import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, contextmanager
@@ -61,6 +62,14 @@ class InlineExecutor:
         except Exception as error:  # noqa: BLE001 - as every executor does
             future.set_exception(error)
         return future
+
+
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """Take interrupts, which a shell switches off for what it starts in the background of a script."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="session")

@@ -23,12 +23,10 @@ Capture = pytest.CaptureFixture[str]
 
 
 @pytest.fixture(autouse=True)
-def interruptible() -> Iterator[None]:
-    """Take interrupts, which a shell switches off for what it starts in the background of a script."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+def terminable(interruptible: None) -> Iterator[None]:
+    """Take interrupts, and end on SIGTERM as the command line does."""
     term = signal.signal(signal.SIGTERM, terminate)
     yield
-    signal.signal(signal.SIGINT, before)
     signal.signal(signal.SIGTERM, term)
 
 

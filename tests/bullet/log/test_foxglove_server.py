@@ -181,7 +181,7 @@ def test_where_the_port_is_taken_another_one_serves() -> None:
             socket.create_connection((host, int(port)), timeout=5.0).close()
 
 
-def test_ctrl_c_ends_the_waiting_for_a_client(tmp_path: Path, header: LogHeader) -> None:
+def test_ctrl_c_ends_the_waiting_for_a_client(interruptible: None, tmp_path: Path, header: LogHeader) -> None:
     """The log is closed first, and waits until its messages are sent: it took 20 s, a second Ctrl-C too."""
     begun = time.monotonic()
 
