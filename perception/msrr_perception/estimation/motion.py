@@ -168,13 +168,17 @@ class DriveMotion:
     def _exposed(self, state: FilterState) -> tuple[float, float]:
         """Return the time from the stamp at a state to when the exposure is thought to have been [s].
 
-        The second is by how much, at most, a row was exposed before or after it.
+        The second is by how much, at most, a row was exposed before or after it. It is 0 below 10 ms, within
+        which a velocity hardly changes: when a picture comes, the wheels have told no more.
         """
-        if self._clock is None:
-            return 0.0, self._rows
-        late = min(max(float(state.mean[self._clock]), -self._clock_within), self._clock_within)
-        doubt = _CLOCK_SIGMAS * math.sqrt(state.covariance[self._clock, self._clock])
-        return -late, min(doubt, self._clock_within) + self._rows
+        late = doubt = 0.0
+        if self._clock is not None:
+            late = min(max(float(state.mean[self._clock]), -self._clock_within), self._clock_within)
+            doubt = min(
+                _CLOCK_SIGMAS * math.sqrt(state.covariance[self._clock, self._clock]), self._clock_within
+            )
+        within = doubt + self._rows
+        return -late, within if within > _STEP_S else 0.0
 
     def propagate(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
         """Return the state, without its rivals, moved forward to ``stamp_ns`` along the encoder readings."""
