@@ -21,6 +21,7 @@ from msrr_bullet.bench.renderer_measurements import compare_pixels, measure_corn
 from msrr_bullet.bench.renderer_scenes import add_clutter, facing_units, random_view
 from msrr_bullet.render import Instant, RenderContext, Renderer
 from msrr_bullet.render.floor import Floor, concrete_floor
+from msrr_bullet.render.raster.rasterizer import compile_kernels
 from msrr_bullet.render.raster_renderer import RasterRenderer
 from msrr_bullet.render.tiny_renderer import TinyRenderer
 from msrr_bullet.simulation.tag_plates import load_tag_plate
@@ -222,14 +223,18 @@ def test_five_hundred_windows_are_crops_of_the_frame_bit_for_bit() -> None:
 
 
 _PICTURE = f"""
-import hashlib, json, sys
+import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
-from msrr_bullet.render.raster.rasterizer import compile_kernels
-messages = []
-compile_kernels(messages.append)
 import test_raster_renderer
-print(json.dumps([test_raster_renderer.picture_hash(), messages]))
+test_raster_renderer.print_hash()
 """
+
+
+def print_hash() -> None:
+    """Print the hash of the pictures, and what is said of compilation before they are drawn."""
+    messages: list[str] = []
+    compile_kernels(messages.append, [False])
+    print(json.dumps([picture_hash(), messages]))
 
 
 def picture_hash() -> str:
