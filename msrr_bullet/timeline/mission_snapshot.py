@@ -30,7 +30,7 @@ class Activity(Enum):
     DRIVING = "driving"
     DOCKING = "docking"
     IN_PLACE = "in place"  # docked, or the first unit of a shape
-    LOST = "lost"  # not localised, until it is seen again
+    LOST = "lost"  # not localised or not heard, until it is
     FAILED = "failed"
 
 

@@ -137,19 +137,18 @@ class Coordinator:
                 continue
             if report is not None and report.mode is UnitMode.FAILED:
                 self._fail(unit, report.reason or "reports a failure", now_ns)
-            elif unit.state is UnitState.LOST and unit.seen_ns > unit.still_ns:
-                self._stand(unit, now_ns, "was lost and is seen again")
-                unit.stand_down()
-                self._changed = True
-            elif unit.under_way and self._watch.says_lost(unit):
-                if unit.task is not None:
-                    self._tasks.reopen(unit.task)
-                unit.stand(UnitState.LOST, now_ns, "" if report is None else report.reason)
-                self._changed = True
-            elif unit.under_way and self._watch.has_arrived(unit, now_ns):
+            elif unit.state is UnitState.LOST and self._watch.is_found(unit):
+                self._find(unit, now_ns)
+            elif not unit.under_way:
+                continue
+            elif unit.says_lost:
+                self._lose(unit, "" if report is None else report.reason, now_ns)
+            elif self._watch.has_arrived(unit, now_ns):
                 self._arrive(unit, now_ns)
-            elif unit.under_way and (reason := self._watch.is_lost(unit, now_ns)) is not None:
-                self._fail(unit, reason, now_ns)
+            elif (silence := self._watch.silence(unit, now_ns)) is not None:
+                self._lose(unit, silence, now_ns)
+            elif (stagnation := self._watch.stagnation(unit, now_ns)) is not None:
+                self._fail(unit, stagnation, now_ns)
 
     def _arrive(self, unit: UnitRecord, now_ns: int) -> None:
         """Note that a unit has driven its route to the end."""
@@ -166,6 +165,23 @@ class Coordinator:
             self._tasks.finish(task.name)
             stays = task.stays or task.kind is TaskKind.DOCK
             unit.stand(UnitState.DOCKED if stays else UnitState.IDLE, now_ns, "")
+
+    def _lose(self, unit: UnitRecord, reason: str, now_ns: int) -> None:
+        """Note that nobody knows what a unit does; its task is open for another one until it is found."""
+        if unit.task is not None:
+            self._tasks.reopen(unit.task)
+        unit.stand(UnitState.LOST, now_ns, reason)
+        self._changed = True
+
+    def _find(self, unit: UnitRecord, now_ns: int) -> None:
+        """Take up a unit that was lost: it has docked where it was to dock, or stands and is free."""
+        docked = unit.holder is not None and unit.holder == unit.enters
+        if docked and unit.task is not None and self._tasks.state(unit.task) is TaskState.OPEN:
+            self._tasks.finish(unit.task)
+        self._stand(unit, now_ns, "" if docked else "was lost and is found again")
+        if unit.holder is None:
+            unit.stand_down()
+        self._changed = True
 
     def _fail(self, unit: UnitRecord, reason: str, now_ns: int) -> None:
         """Note that a unit has failed; its task is open for another one."""
@@ -293,7 +309,7 @@ class Coordinator:
             first = next(iter(self._tasks.ready()), self._tasks.open[0])
             why = self._dispatcher.hindrance(first, self._tasks)
             dead = ", ".join(u.name for u in self._units.values() if u.out_of_action)
-            self._tasks.give_up(first.name, why + (f"; failed: {dead}" if dead else ""))
+            self._tasks.give_up(first.name, why + (f"; out of action: {dead}" if dead else ""))
 
     def _end(self, state: MissionState, reason: str) -> None:
         self._state, self._reason = state, reason

@@ -98,8 +98,12 @@ class UnitRecord:
     @property
     def in_dock_leg(self) -> bool:
         """Whether the unit is or may be in its dock leg."""
-        track = self.track
-        return track is not None and self.under_way and self.limit > track.dock_start + 1e-9
+        return self.under_way and self._may_enter
+
+    @property
+    def _may_enter(self) -> bool:
+        """Whether the unit was allowed into the port at which its route ends."""
+        return self.track is not None and self.limit > self.track.dock_start + 1e-9
 
     @property
     def passed(self) -> float:
@@ -117,6 +121,12 @@ class UnitRecord:
         """Whether the unit reports of its route that it stands."""
         report = self.report
         return report is not None and report.route == self.route and report.mode is UnitMode.STANDING
+
+    @property
+    def says_lost(self) -> bool:
+        """Whether the unit reports of its route that it stands because it is not localised."""
+        report = self.report
+        return report is not None and report.route == self.route and report.mode is UnitMode.LOST
 
     @property
     def stands_at_limit(self) -> bool:
@@ -209,8 +219,13 @@ class UnitRecord:
 
     @property
     def docks(self) -> tuple[tuple[str, str], ...]:
-        """Unit and port that the unit is locked to, and those at which its route ends."""
-        ports = dict.fromkeys((self.holder, self.enters if self.under_way else None))
+        """Unit and port that the unit is locked to, and those at which its route ends.
+
+        One that is not heard may have gone on into a port that it had been allowed into.
+        """
+        unheard = self.state is UnitState.LOST and not self.says_lost
+        goes_on = self.under_way or (unheard and self._may_enter)
+        ports = dict.fromkeys((self.holder, self.enters if goes_on else None))
         return tuple(port for port in ports if port is not None)
 
     def authority(self, units: Iterable[UnitRecord], now_ns: int, expires_ns: int) -> Authority:

@@ -22,12 +22,13 @@ class Patience:
         look_again_s: Time between two attempts when nothing that is known of has changed.
         stalled_s: Time without any progress after which routes are planned anew.
         silent_s: Time since the newest report from which on no such time is counted.
-        unheard_s: Time without a report after which a unit under way counts as failed.
+        unheard_s: Time without a report after which a unit under way on free ground counts as lost.
         held_s: Time for which a unit says that it stands on free ground after which it gets another route.
         recalls: How often a unit gets another route for that.
         lost_s: Time without progress on free ground after which a unit counts as failed, and time for which
-            tasks that nobody else can do wait for a unit that is not localised, or was never seen.
-        dock_s: The same in the dock leg, in which a unit may try more than once.
+            tasks that nobody else can do wait for a unit that is lost, or was never seen.
+        dock_s: Time without progress or without a report in the dock leg, in which a unit may try more than
+            once, after which it counts as failed or as lost.
         hopeless_s: Time without a route for anybody after which a task is given up.
         replans: Largest number of times that routes are planned anew.
         arrived_m: Distance from the end of a move up to which it is done.

@@ -98,13 +98,13 @@ class Siting:
         return shape_tasks(shape, lanes, mission.named, found.X_WR), dict(found.units)
 
     def may_move(self, units: Iterable[UnitRecord]) -> bool:
-        """Return whether the shape can still be built elsewhere: nobody moves, and nobody has docked.
+        """Return whether the shape can still be built elsewhere: nobody moves, and nobody can have docked.
 
         One that an assembly is to become is built where that stands, even if all have left its root.
         """
         if self._mission.shape is None or self._mission.holders or self.moves >= _MOST_MOVES:
             return False
-        return not any(unit.under_way or unit.holder is not None for unit in units)
+        return not any(unit.under_way or unit.docks for unit in units)
 
     def move(self) -> None:
         """Note that the shape has to be built elsewhere."""

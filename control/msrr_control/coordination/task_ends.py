@@ -71,7 +71,7 @@ class TaskEnds:
         return [
             other.name
             for other in self._units.values()
-            if other.holder is not None and other.holder[0] == unit.name and not other.under_way
+            if not other.under_way and any(holder == unit.name for holder, _ in other.docks)
         ]
 
     def hindrance(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None) -> str | None:
@@ -97,7 +97,7 @@ class TaskEnds:
             return f"cannot dock: {enters[0]} was never seen from above"
         port = ".".join(enters)
         for other in self._units.values():
-            if other.holder == enters and other.name != unit.name:
+            if enters in other.docks and other.name != unit.name:
                 return f"cannot dock: {port} is taken by {other.name}"
         closing = [] if X_WE is None else self.closing(X_WE, unit.name, enters[0])
         return f"cannot dock: {', '.join(closing)} closes the lane to {port}" if closing else None

@@ -43,20 +43,32 @@ class Watch:
         near = math.hypot(X.x, X.y) <= self._patience.arrived_m
         return near and abs(wrap_angle(X.yaw)) <= self._patience.arrived_rad
 
-    def is_lost(self, unit: UnitRecord, now_ns: int) -> str | None:
-        """Return why a unit under way counts as failed, None if it is not."""
-        unheard = seconds(now_ns - max(unit.heard_ns, unit.granted_ns))
-        if unheard > self._patience.unheard_s:
-            return f"not heard for {unheard:.0f} s"
+    def silence(self, unit: UnitRecord, now_ns: int) -> str | None:
+        """Return for how long a unit under way was not heard, None if that is not too long.
+
+        One that may be in its dock leg goes on without being heard: it has as long as one that is.
+        """
+        unheard = self._unheard_s(unit, now_ns)
+        most = self._patience.dock_s if self._docks(unit) else self._patience.unheard_s
+        return f"not heard for {unheard:.0f} s" if unheard > most else None
+
+    def is_found(self, unit: UnitRecord) -> bool:
+        """Return whether a unit that was lost stands, and was heard and seen since, or tells of its port."""
+        report = unit.report
+        if report is None or report.stamp_ns <= unit.still_ns:
+            return False
+        stands = report.mode not in (UnitMode.DRIVING, UnitMode.DOCKING)
+        return stands and (unit.seen_ns > unit.still_ns or unit.holder is not None)
+
+    def stagnation(self, unit: UnitRecord, now_ns: int) -> str | None:
+        """Return for how long a unit under way made no progress, None if that is not too long."""
         # At the end of what it may drive a unit waits for others, but for nobody in its dock leg: there it is
         # to lock, or to move because it tries again.
         at_end = unit.limit <= unit.progress + SAME_M
         idles = unit.in_dock_leg and unit.report is not None and not unit.report.stopping
-        if (at_end and not idles) or unheard > self._patience.silent_s:
+        if (at_end and not idles) or self._unheard_s(unit, now_ns) > self._patience.silent_s:
             unit.patient_ns += now_ns - self._previous_ns
-        # A unit that may drive into its dock leg can still be far away from it.
-        docks = unit.track is not None and unit.progress >= unit.track.dock_start - SAME_M
-        wait = self._patience.dock_s if unit.in_dock_leg and docks else self._patience.lost_s
+        wait = self._patience.dock_s if self._docks(unit) else self._patience.lost_s
         if seconds(now_ns - unit.patient_ns) > wait:
             said = (
                 "" if unit.report is None or not unit.report.reason else f"; it says {unit.report.reason!r}"
@@ -64,10 +76,12 @@ class Watch:
             return f"no progress beyond {unit.progress:.2f} m in {wait:.0f} s{said}"
         return None
 
-    def says_lost(self, unit: UnitRecord) -> bool:
-        """Return whether a unit says that it cannot drive its route because it is not localised."""
-        report = unit.report
-        return report is not None and report.mode is UnitMode.LOST and report.route == unit.route
+    def _unheard_s(self, unit: UnitRecord, now_ns: int) -> float:
+        return seconds(now_ns - max(unit.heard_ns, unit.granted_ns))
+
+    def _docks(self, unit: UnitRecord) -> bool:
+        """Return whether a unit is in its dock leg: one that may drive into it can still be far away."""
+        return unit.in_dock_leg and unit.track is not None and unit.progress >= unit.track.dock_start - SAME_M
 
     def may_be_found(self, unit: UnitRecord, now_ns: int) -> bool:
         """Return whether a unit is lost or was never seen, and not for so long that nothing waits for it."""

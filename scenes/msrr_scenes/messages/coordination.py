@@ -151,7 +151,7 @@ class UnitState(Enum):
     DOCKED = "docked"
     """Is locked into a port."""
     LOST = "lost"
-    """Was not localised for too long, and is given no task until it is seen again."""
+    """Was not localised or not heard for too long, and is given no task until it is."""
     FAILED = "failed"
     """Is given no further task."""
 

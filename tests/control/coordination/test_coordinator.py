@@ -250,6 +250,38 @@ def test_a_unit_that_was_lost_is_taken_up_again(
     assert (name in run.joints) is not spare
 
 
+@pytest.mark.parametrize(("from_s", "docks"), [(3.0, False), (12.8, True)])
+def test_a_unit_that_was_silent_for_long_is_taken_up_again(
+    from_s: float, docks: bool, rig: type[Rig], starts: Starts
+) -> None:
+    """One on its way has braked and gets another route; one that docks goes on, and needs no other."""
+    shape, lost = build_pattern("line", 3), False
+    spec = {"silences": [{"from_s": from_s, "until_s": 80.0, "units": ["u2"]}]}
+    run = rig(Mission(shape=shape), starts(30, 3), radio=RadioSpec.model_validate(spec))
+    while run.now_ns < 400e9 and run.status.state is MissionState.RUNNING:
+        run.step()
+        lost |= any(unit.state is UnitState.LOST for unit in run.status.units)
+        if run.now_ns == 79_000_000_000:
+            assert ("u2" in run.joints) is docks
+    assert run.status.state is MissionState.COMPLETE, run.status.reason
+    assert run.is_built(shape)
+    assert lost is not docks
+
+
+def test_what_a_silent_unit_may_have_docked_to_stays_where_it_is(rig: type[Rig], starts: Starts) -> None:
+    """Nobody hears that it has docked: the shape is not built elsewhere, and who waits is told why."""
+    spec = {"silences": [{"from_s": 12.8, "until_s": 1000.0, "units": ["u2"]}]}
+    run = rig(Mission(shape=build_pattern("line", 3)), starts(30, 3), radio=RadioSpec.model_validate(spec))
+    while "u2" not in run.joints:
+        run.step()
+    root = run.units["u0"].X_WU
+    status = run.run()
+    assert (run.joints, run.units["u0"].X_WU) == ({"u2": "u0.rear"}, root)
+    assert status.state is MissionState.INCOMPLETE
+    assert "u1 cannot dock: u0.rear is taken by u2" in status.reason
+    assert "u2: not heard for 150 s" in status.reason
+
+
 def test_a_step_waits_for_the_unit_that_it_names(rig: type[Rig]) -> None:
     """Also where nobody docks to a unit that is lost, nor is let onto the ground where it stands."""
     starts = {"a": SE2(-1.4, 0.0, 0.0), "b": SE2(-0.2, 0.6, 0.0)}
