@@ -67,15 +67,19 @@ def check_views(scene: Scene, world: BulletWorld | None, bodies: LoadedBodies | 
                 step.unit: target.X_UC.inverse().act(own.triangles),
                 step.target_unit: (X_CD @ X_DT).act(other.triangles),
             }
-            tags = {tag: (X_CD @ X_DT).act(other.tags[tag]) for tag in whole_tags(target, X_CD, target.tags)}
-            hiding = _hiding(tags, scene, shapes)
-            if all(hiding.values()):
-                names = {number: slot for slot, number in scene.tag_ids(step.target_unit).items()}
-                hidden = ", ".join(f"{names[tag]} behind {' and '.join(by)}" for tag, by in hiding.items())
+            hidden: list[str] = []
+            names = {number: slot for slot, number in scene.tag_ids(step.target_unit).items()}
+            for tag in whole_tags(target, X_CD, target.tags):
+                modules = _modules((X_CD @ X_DT).act(other.tags[tag]), scene.tags.tag_family.edge_modules)
+                by = [unit for unit, shape in shapes.items() if hidden_points(modules, shape).any()]
+                if not by:
+                    break
+                hidden.append(f"{names[tag]} behind {' and '.join(by)}")
+            else:
                 raise SceneError(
                     f"the camera of {step.unit} sees no tag of {step.target_unit} as a whole {place}: parts "
-                    f"of those in its picture are hidden ({hidden}); move the camera, the tags or what hides "
-                    "them"
+                    f"of those in its picture are hidden ({', '.join(hidden)}); move the camera, the tags or "
+                    "what hides them"
                 )
 
 
@@ -117,21 +121,9 @@ class _DrawnUnits:
         return self._known[unit]
 
 
-def _hiding(tags_C: Mapping[int, Array], scene: Scene, shapes: Mapping[str, Array]) -> dict[int, list[str]]:
-    """Return the units that hide a module or more of each tag, by the tag's id.
-
-    Args:
-        tags_C: Corners of each tag in C by its id, shape (4, 3) [m]; at least one tag.
-        scene: The scene.
-        shapes: Corners of the triangles of each unit in C, shape (T, 3, 3) [m].
-    """
-    modules = scene.tags.tag_family.edge_modules
-    across = (np.arange(modules) + 0.5) / modules
-    corners_C = np.array(list(tags_C.values()))[:, None, None]
-    first, right, down = corners_C[..., 0, :], corners_C[..., 1, :], corners_C[..., 3, :]
-    middles = first + across[:, None, None] * (right - first) + across[:, None] * (down - first)
-    hidden = {
-        unit: hidden_points(middles.reshape(-1, 3), triangles).reshape(len(tags_C), -1)
-        for unit, triangles in shapes.items()
-    }
-    return {tag: [unit for unit in shapes if hidden[unit][k].any()] for k, tag in enumerate(tags_C)}
+def _modules(corners_C: Array, count: int) -> Array:
+    """Return the middles of the modules of a tag, ``count`` along each edge, shape (count * count, 3) [m]."""
+    across = (np.arange(count) + 0.5) / count
+    first, right, down = corners_C[0], corners_C[1], corners_C[3]
+    middles: Array = first + across[:, None, None] * (right - first) + across[:, None] * (down - first)
+    return middles.reshape(-1, 3)
