@@ -42,7 +42,7 @@ POSE, CAMERA, FOCAL, CENTRE, K1, CLOCK, EDGE, PRINT, BRACKET, TAG, BORDER = (
 PARAMETERS = 34
 
 
-class TagMap(NamedTuple):
+class TargetTags(NamedTuple):
     """The T tags of a target as drawn, and where a state has the errors of their calibration."""
 
     local: Array  # (T, 4, 3) corners in the frame of their tag [m]
@@ -56,7 +56,7 @@ class TagMap(NamedTuple):
 @kernel
 def project_tag(
     optics: Optics,
-    tags: TagMap,
+    tags: TargetTags,
     tag: int,
     border: float,
     rates: Rates,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_perception.kernels.calibrated import BORDER, PARAMETERS, TagMap, project_tag
+from msrr_perception.kernels.calibrated import BORDER, PARAMETERS, TargetTags, project_tag
 from msrr_perception.kernels.compiled import kernel, subroutine
 from msrr_perception.kernels.edges import BY_OFFSET, BY_SLOPE
 from msrr_perception.kernels.linear_algebra import cholesky
@@ -28,7 +28,7 @@ _LASTING_FRAMES = 60.0
 class Measured(NamedTuple):
     """What is measured of K tags in one exposure."""
 
-    which: NDArray[np.int64]  # (K,) index of each tag in the map of the target
+    which: NDArray[np.int64]  # (K,) index of each tag among those of the target
     corners: Array  # (K, 8) pixels, ordered u0, v0, u1, v1 ...
     sigma_px: Array  # (K, 4) standard deviation of each corner as the image shows it; 0 if it does not
     after: Array  # (K, 4) time from the stamp to the exposure of each corner's row [s]
@@ -37,7 +37,7 @@ class Measured(NamedTuple):
 class Seen(NamedTuple):
     """The K tags that were detected in one exposure, as a fit takes them."""
 
-    which: NDArray[np.int64]  # (K,) index of each tag in the map of the target
+    which: NDArray[np.int64]  # (K,) index of each tag among those of the target
     corners: Array  # (K, 8) measured pixels, ordered u0, v0, u1, v1 ...
     after: Array  # (K, 4) time from the stamp to the exposure of each corner's row [s]
     border: Array  # (K,) distance by which what lies beyond the borders may move an edge [px]
@@ -48,7 +48,7 @@ class Seen(NamedTuple):
 @kernel
 def roots_of_covariance(
     optics: Optics,
-    tags: TagMap,
+    tags: TargetTags,
     measured: Measured,
     rates: Rates,
     state: Array,
@@ -114,7 +114,9 @@ def roots_of_covariance(
 
 
 @subroutine
-def whitened(optics: Optics, tags: TagMap, seen: Seen, t: int, state: Array, pixels: Array, J: Array) -> None:
+def whitened(
+    optics: Optics, tags: TargetTags, seen: Seen, t: int, state: Array, pixels: Array, J: Array
+) -> None:
     """Write the residual of a tag into ``pixels`` and its derivatives into ``J``, both by its covariance."""
     tag, L = seen.which[t], seen.roots[t]
     project_tag(optics, tags, tag, seen.border[t], seen.rates, seen.after[t], state, pixels, J)
@@ -134,7 +136,7 @@ def whitened(optics: Optics, tags: TagMap, seen: Seen, t: int, state: Array, pix
 
 
 @kernel
-def derivatives(optics: Optics, tags: TagMap, seen: Seen, state: Array) -> tuple[Array, Array]:
+def derivatives(optics: Optics, tags: TargetTags, seen: Seen, state: Array) -> tuple[Array, Array]:
     """Return residuals, shape (8 K,), and derivatives, shape (8 K, n), both by the covariance of the corners.
 
     Args:

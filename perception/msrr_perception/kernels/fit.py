@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from msrr_perception.kernels.calibrated import PARAMETERS, TagMap
+from msrr_perception.kernels.calibrated import PARAMETERS, TargetTags
 from msrr_perception.kernels.compiled import kernel, subroutine
 from msrr_perception.kernels.corners import Seen, whitened
 from msrr_perception.kernels.linear_algebra import cholesky, inverse, solve
@@ -20,7 +20,7 @@ _MAX_DAMPING = 1e9
 @subroutine
 def linearise(
     optics: Optics,
-    tags: TagMap,
+    tags: TargetTags,
     seen: Seen,
     state: Array,
     mean: Array,
@@ -76,7 +76,7 @@ def linearise(
 @kernel
 def fit(
     optics: Optics,
-    tags: TagMap,
+    tags: TargetTags,
     seen: Seen,
     start: Array,
     mean: Array,

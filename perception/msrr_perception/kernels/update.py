@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_perception.kernels.calibrated import PARAMETERS, TagMap
+from msrr_perception.kernels.calibrated import PARAMETERS, TargetTags
 from msrr_perception.kernels.compiled import kernel, subroutine
 from msrr_perception.kernels.corners import Measured, Seen, roots_of_covariance, whitened
 from msrr_perception.kernels.linear_algebra import cholesky, solve
@@ -37,7 +37,9 @@ class Rules(NamedTuple):
 
 
 @subroutine
-def relate(tags: TagMap, which: NDArray[np.int64], covariance: Array, J: Array, JP: Array, S: Array) -> None:
+def relate(
+    tags: TargetTags, which: NDArray[np.int64], covariance: Array, J: Array, JP: Array, S: Array
+) -> None:
     """Write how the corners of tags depend on the state's covariance.
 
     Args:
@@ -87,7 +89,7 @@ def distances(S: Array, r: Array) -> Array:
 @kernel
 def update(
     optics: Optics,
-    tags: TagMap,
+    tags: TargetTags,
     measured: Measured,
     rates: Rates,
     sheet: DataSheet,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from msrr_perception.kernels.calibrated import PARAMETERS, TagMap
+from msrr_perception.kernels.calibrated import PARAMETERS, TargetTags
 from msrr_perception.kernels.compiled import compiler
 from msrr_perception.kernels.corners import Measured, Seen, derivatives, roots_of_covariance
 from msrr_perception.kernels.dock_frame import pose_by_marker, predict
@@ -40,7 +40,7 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     square = np.array([[-0.5, 0.5, 2.0], [0.5, 0.5, 2.0], [0.5, -0.5, 2.0], [-0.5, -0.5, 2.0]])
     pose, state = np.zeros(5), np.zeros(8)
     corners, none = square[None], np.zeros((1, PARAMETERS))
-    tags = TagMap(corners, np.zeros((1, 3)), np.eye(3)[None], np.zeros(3), none.astype(np.int64), none)
+    tags = TargetTags(corners, np.zeros((1, 3)), np.eye(3)[None], np.zeros(3), none.astype(np.int64), none)
     which, still = np.zeros(1, np.int64), np.zeros(3)
     pixels = np.array([[2.0, 6.0], [6.0, 6.0], [6.0, 2.0], [2.0, 2.0]])
     predict_tags(optics, 8, 8, pose, frozen(np.eye(3)), square[None], 1.0)

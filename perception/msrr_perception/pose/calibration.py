@@ -28,7 +28,7 @@ from msrr_perception.kernels.calibrated import (
     POSE,
     PRINT,
     TAG,
-    TagMap,
+    TargetTags,
 )
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.as_built import AsBuiltSpec, MountDeviations
@@ -171,7 +171,7 @@ class StateLayout:
             recording tells nobody: errors of the edges in an image, and the place of the tag on the roof.
     """
 
-    tags: TagMap
+    tags: TargetTags
     index: Mapping[int, int]
     prior: Array = field(default_factory=lambda: np.zeros(0))
     first: int = POSE_SIZE
@@ -212,7 +212,7 @@ def pose_layout(corners_D: Mapping[int, Array], port_tags: Sequence[int]) -> Sta
     pivot = centres[marker].mean(axis=0) if marker else np.zeros(3)
     considered = np.zeros(columns.shape)
     return StateLayout(
-        TagMap(local, centres, np.ascontiguousarray(axes), pivot, columns, considered),
+        TargetTags(local, centres, np.ascontiguousarray(axes), pivot, columns, considered),
         {tag: k for k, tag in enumerate(ids)},
     )
 
