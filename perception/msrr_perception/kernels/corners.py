@@ -25,7 +25,7 @@ _ANOTHER_PLACE_PX, _MOST_REPEATED = 0.5, 250.0
 _LASTING_FRAMES = 60.0
 
 
-class Measured(NamedTuple):
+class MeasuredCorners(NamedTuple):
     """What is measured of K tags in one exposure."""
 
     which: NDArray[np.int64]  # (K,) index of each tag among those of the target
@@ -49,7 +49,7 @@ class Seen(NamedTuple):
 def roots_of_covariance(
     optics: Optics,
     tags: TargetTags,
-    measured: Measured,
+    measured: MeasuredCorners,
     rates: Rates,
     state: Array,
     variances: CornerVariances,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from msrr_perception.kernels.calibrated import PARAMETERS, TargetTags
 from msrr_perception.kernels.compiled import kernel, subroutine
-from msrr_perception.kernels.corners import Measured, Seen, roots_of_covariance, whitened
+from msrr_perception.kernels.corners import MeasuredCorners, Seen, roots_of_covariance, whitened
 from msrr_perception.kernels.linear_algebra import cholesky, solve
 from msrr_perception.kernels.project import Optics
 from msrr_perception.kernels.rates import Rates
@@ -90,7 +90,7 @@ def distances(S: Array, r: Array) -> Array:
 def update(
     optics: Optics,
     tags: TargetTags,
-    measured: Measured,
+    measured: MeasuredCorners,
     rates: Rates,
     sheet: DataSheet,
     scale: float,

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from msrr_perception.kernels.corners import Measured, Seen
+from msrr_perception.kernels.corners import MeasuredCorners, Seen
 from msrr_perception.kernels.fit import fit
 from msrr_perception.kernels.rates import AT_REST
 from msrr_perception.pose.calibration import StateLayout
@@ -140,14 +140,14 @@ def pieces_along_yaw(
     return sorted(pieces, key=lambda piece: piece.cost) or list(solutions)
 
 
-def measured_corners(target: TargetModel, tags: Sequence[TagDetection]) -> Measured:
+def measured_corners(target: TargetModel, tags: Sequence[TagDetection]) -> MeasuredCorners:
     """Return what is measured of tags of the target."""
     which = np.array([target.layout.index[t.tag_id] for t in tags], dtype=np.int64)
     corners = np.array([t.corners for t in tags], dtype=np.float64).reshape(-1, 4, 2)
     not_measured = np.zeros(4)
     sigmas = [not_measured if t.corner_sigma_px is None else t.corner_sigma_px for t in tags]
     after = target.shutter.after_stamp_ideal(target.lens, corners)
-    return Measured(which, corners.reshape(-1, 8), np.array(sigmas, dtype=np.float64), after)
+    return MeasuredCorners(which, corners.reshape(-1, 8), np.array(sigmas, dtype=np.float64), after)
 
 
 def equally_good(target: TargetModel, tags: Sequence[TagDetection], sigma_px: float) -> Seen:

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.motion import FilterState
-from msrr_perception.kernels.corners import Measured, Seen, derivatives, roots_of_covariance
+from msrr_perception.kernels.corners import MeasuredCorners, Seen, derivatives, roots_of_covariance
 from msrr_perception.kernels.rates import AT_REST, Rates
 from msrr_perception.kernels.section_errors import CornerVariances
 from msrr_perception.pose.corner_errors import surplus
@@ -48,7 +48,7 @@ def _by_numpy(
     which = np.array([layout.index[t.tag_id] for t in tags])
     corners = np.array([t.corners.reshape(8) for t in tags])
     after = target.shutter.after_stamp(corners[:, 1::2])
-    measured = Measured(which, corners, np.zeros((len(tags), 4)), after)
+    measured = MeasuredCorners(which, corners, np.zeros((len(tags), 4)), after)
     variances = _variances(target, tags, prior.noise_scale)
     roots = roots_of_covariance(
         target.optics, layout.tags, measured, rates, m, variances, target.frame_period_s
