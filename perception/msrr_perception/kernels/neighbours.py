@@ -58,7 +58,7 @@ def gain_of(blur: float, reach: float) -> float:
 _blur_of, _gain_of = inlined(blur_of), inlined(gain_of)
 
 
-class Spread(NamedTuple):
+class LightSpread(NamedTuple):
     """How blur spreads light over a cross section. All values are shares.
 
     Attributes:
@@ -85,7 +85,7 @@ def below(z: float) -> float:
 
 
 @subroutine
-def spread_of(blur_px: float, module: float, reach: float) -> Spread:
+def spread_of(blur_px: float, module: float, reach: float) -> LightSpread:
     """Return how blur spreads light over a section.
 
     Args:
@@ -97,17 +97,17 @@ def spread_of(blur_px: float, module: float, reach: float) -> Spread:
     apart, gain = (module - reach) / blur, _gain_of(blur, reach)
     across = 0.5 * (below(-reach / blur) + below((step - reach) / blur))
     if apart > _FAR:
-        return Spread(False, across, 0.0, 0.0, 0.0, gain)
+        return LightSpread(False, across, 0.0, 0.0, 0.0, gain)
     near = 0.5 * (below(-apart) + below(-apart - step / blur))
     bell = math.exp(-0.5 * apart * apart) / math.sqrt(2.0 * math.pi)
     whole = 0.5 * blur * (bell - apart * below(-apart)) / reach
     border = below((1.0 - NEIGHBOUR_MODULES) * module / blur)
-    return Spread(True, across, near, whole, border, gain)
+    return LightSpread(True, across, near, whole, border, gain)
 
 
 @inlined
 def without_neighbours(
-    spread: Spread, black: float, white: float, mean: float, inside: float, outside: float
+    spread: LightSpread, black: float, white: float, mean: float, inside: float, outside: float
 ) -> tuple[float, float, float]:
     """Return ``black``, ``white`` and ``mean`` without the light of the neighbours.
 
