@@ -14,7 +14,7 @@ from msrr_bullet.recordings.recording import Item as RecordedItem
 from msrr_bullet.recordings.recording import RecordedFrame, WheelReading, moments
 from msrr_perception.detection.detector import DETECTORS, Detector
 from msrr_perception.detection.onboard_vision import FULL_FRAME_PERIOD, OnboardVision
-from msrr_perception.estimation.calibration_errors import CalibrationError
+from msrr_perception.estimation.calibration_errors import EstimatedCalibrationError
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.estimator import ESTIMATORS, Estimator
 from msrr_perception.estimation.los import LosEstimator
@@ -109,7 +109,7 @@ class Perceiver:
         )
         return estimator
 
-    def calibration_errors(self) -> tuple[CalibrationError, ...]:
+    def calibration_errors(self) -> tuple[EstimatedCalibrationError, ...]:
         """Return what the estimator has learned of the errors of calibration; none of one of a user's own."""
         return self._estimator.calibration_errors() if isinstance(self._estimator, CornerEkf) else ()
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel, Field
 
 from msrr_bullet.recordings.perceiver import Instant
 from msrr_bullet.trial.versions import trial_versions
-from msrr_perception.estimation.calibration_errors import CalibrationError
+from msrr_perception.estimation.calibration_errors import EstimatedCalibrationError
 from msrr_scenes.messages import PoseEstimate, seconds
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.wording import counted
@@ -58,7 +58,7 @@ class LearnedError(BaseModel, frozen=True):
     contradicts: bool
 
     @classmethod
-    def of(cls, known: CalibrationError) -> LearnedError:
+    def of(cls, known: EstimatedCalibrationError) -> LearnedError:
         """Return what a filter knows as a part of a result."""
         return cls(
             quantity=known.quantity.name,
@@ -210,7 +210,7 @@ class Tally:
         start_ns: int,
         odometry: bool,
         assumptions: tuple[str, ...],
-        learned: tuple[CalibrationError, ...],
+        learned: tuple[EstimatedCalibrationError, ...],
     ) -> RecordingResult:
         """Return the figures so far."""
         last, sigmas = self._last, self._sigmas

@@ -15,7 +15,7 @@ _CONTRADICTION = 4.5
 
 
 @dataclass(frozen=True, slots=True)
-class CalibrationError:
+class EstimatedCalibrationError:
     """What is known of an error of calibration: of the true value minus the told one.
 
     Attributes:
@@ -43,7 +43,7 @@ class CalibrationError:
 
 def calibration_errors(
     layout: StateLayout, drawn: Knowledge, learned: Knowledge
-) -> tuple[CalibrationError, ...]:
+) -> tuple[EstimatedCalibrationError, ...]:
     """Return what is known of every error of calibration that has a name.
 
     Args:
@@ -52,9 +52,12 @@ def calibration_errors(
         learned: What the filter has learned.
     """
     tolerances, sigmas = (np.sqrt(np.diag(known.covariance)).tolist() for known in (drawn, learned))
-    found, known = list[CalibrationError](), zip(tolerances, learned.mean.tolist(), sigmas, strict=True)
+    found, known = (
+        list[EstimatedCalibrationError](),
+        zip(tolerances, learned.mean.tolist(), sigmas, strict=True),
+    )
     for quantity, (tolerance, error, sigma) in zip(layout.quantities, known, strict=True):
         if quantity is not None:
             scale = quantity.scale
-            found.append(CalibrationError(quantity, scale * tolerance, scale * error, scale * sigma))
+            found.append(EstimatedCalibrationError(quantity, scale * tolerance, scale * error, scale * sigma))
     return tuple(found)

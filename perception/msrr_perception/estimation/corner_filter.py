@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from msrr_perception.estimation.calibration_errors import CalibrationError, calibration_errors
+from msrr_perception.estimation.calibration_errors import EstimatedCalibrationError, calibration_errors
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.dock_frame import in_seat
 from msrr_perception.estimation.filter_step import FilterStep
@@ -236,7 +236,7 @@ class CornerEkf:
             state = in_seat(self.target, state)
         return Knowledge(state.mean[POSE_SIZE:], state.covariance[POSE_SIZE:, POSE_SIZE:], self.drawn.shared)
 
-    def calibration_errors(self) -> tuple[CalibrationError, ...]:
+    def calibration_errors(self) -> tuple[EstimatedCalibrationError, ...]:
         """Return what is known of every error of calibration that has a name; none while nothing was seen."""
         learned = self.learned(seated=False)
         return () if learned is None else calibration_errors(self.target.filter_layout, self.drawn, learned)
