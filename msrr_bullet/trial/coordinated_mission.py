@@ -16,7 +16,7 @@ from msrr_bullet.sensors.sensor_suite import MountedCamera
 from msrr_bullet.trial.arena_judge import Safety
 from msrr_bullet.trial.docking_step import STOP_TIME_S, DockingStep
 from msrr_bullet.trial.environment import Environment
-from msrr_bullet.trial.mission import Mission
+from msrr_bullet.trial.mission import MissionLoop
 from msrr_bullet.trial.mission_figures import MissionRecord
 from msrr_bullet.trial.result import MissionFigures
 from msrr_bullet.trial.telemetry import Telemetry
@@ -55,7 +55,7 @@ class _Member:
         return now_ns - self._failed_ns > duration_ns(STOP_TIME_S)
 
 
-class CoordinatedMission(Mission):
+class CoordinatedMission(MissionLoop):
     """Carries out the mission of a base station.
 
     All robots last for the whole mission. A step begins when a robot begins a route that leads into a port or

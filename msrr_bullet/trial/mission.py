@@ -27,7 +27,7 @@ from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import in_order
 
 
-class Mission(ABC):
+class MissionLoop(ABC):
     """A loop in which units sense and act, then the physics advances until something is due again.
 
     Attributes:
@@ -200,7 +200,7 @@ class Mission(ABC):
             self._telemetry.verdict(self._plant.now_ns(), step)
 
 
-class PlannedMission(Mission):
+class PlannedMission(MissionLoop):
     """Carries out the plan of a scene by units on their own, one after another.
 
     A step begins when the one before it has docked; one that does not dock ends the mission.

@@ -8,7 +8,7 @@ from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_bullet.timeline.snapshot import Viewer
 from msrr_bullet.trial.environment import Environment, open_environment
-from msrr_bullet.trial.mission import Mission, PlannedMission
+from msrr_bullet.trial.mission import MissionLoop, PlannedMission
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress, Telemetry
 from msrr_bullet.trial.verdict import verdict_on_trial
@@ -79,7 +79,7 @@ class Trial:
             self._telemetry.end(environment.simulation.plant.now_ns(), result.outcome)
         return result
 
-    def _result(self, digest: str, mission: Mission, redraws: int) -> TrialResult:
+    def _result(self, digest: str, mission: MissionLoop, redraws: int) -> TrialResult:
         steps = mission.results()
         verdict = verdict_on_trial(mission.ended, steps, mission.failed_lock)
         return TrialResult(
@@ -98,7 +98,7 @@ class Trial:
         )
 
 
-def begin_mission(environment: Environment, telemetry: Telemetry, profiler: Profiler) -> Mission:
+def begin_mission(environment: Environment, telemetry: Telemetry, profiler: Profiler) -> MissionLoop:
     """Begin what the scene of an environment asks for: a plan, or the mission of a base station."""
     if not environment.simulation.scene.coordinated:
         return PlannedMission(environment, telemetry, profiler)

@@ -10,7 +10,7 @@ import pytest
 
 from msrr_bullet.robot.guided_unit import GuidedUnit
 from msrr_bullet.trial.docking_step import DockingStep
-from msrr_bullet.trial.mission import Mission
+from msrr_bullet.trial.mission import MissionLoop
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes import load_scene
@@ -121,14 +121,14 @@ def test_a_lock_that_opens_fails_the_step_that_closed_it_alone(
     run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The step in which the unit had undocked before was made one whose lock has failed, too."""
-    judge = Mission._judge
+    judge = MissionLoop._judge
 
-    def open_lock(self: Mission, now_ns: int) -> list[DockingStep] | None:
+    def open_lock(self: MissionLoop, now_ns: int) -> list[DockingStep] | None:
         if any(step.step.unit == "b" for step in self._active):
             self._plant.set_lock("c", False)
         return judge(self, now_ns)
 
-    monkeypatch.setattr(Mission, "_judge", open_lock)
+    monkeypatch.setattr(MissionLoop, "_judge", open_lock)
     plan = "[{undock: c}, {name: again, unit: c, to: a.left}, {undock: b, after: [again]}]"
     result = run(plan, FAST)
     assert [step.outcome for step in result.steps] == [
