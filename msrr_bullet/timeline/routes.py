@@ -15,7 +15,7 @@ from msrr_scenes.specs.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
-class Route:
+class RouteLine:
     """The way of a unit's axle along a route.
 
     Attributes:
@@ -47,15 +47,15 @@ class Routes:
         """Begin without a route."""
         geometries = {name: scene.geometry(name) for name in scene.units}
         self._offset = {n: unit.control_offset(ACTIVE_PORT) for n, unit in geometries.items() if unit.drives}
-        self._known: dict[tuple[str, int], Route] = {}
+        self._known: dict[tuple[str, int], RouteLine] = {}
 
-    def of(self, authority: Authority) -> Route:
+    def of(self, authority: Authority) -> RouteLine:
         """Return the route of an authority; of no length where the unit stands already where it is to be."""
         key = authority.unit, authority.route
         if not authority.legs:
-            return Route(np.zeros(1), np.zeros((1, 2)))
+            return RouteLine(np.zeros(1), np.zeros((1, 2)))
         if key not in self._known:
             start = SE2(*authority.legs[0].start)
             track = track_of(authority.legs, start, self._offset[authority.unit])
-            self._known[key] = Route(track.s, track.poses[:, :2])
+            self._known[key] = RouteLine(track.s, track.poses[:, :2])
         return self._known[key]
