@@ -11,7 +11,7 @@ import numpy as np
 from msrr_bullet.log import topics
 from msrr_bullet.log.records import TruePose
 from msrr_bullet.studies.docking_studies import docking_law
-from msrr_bullet.timeline.path_following_series import Instant
+from msrr_bullet.timeline.path_following_series import ControlInstant
 from msrr_control.docking.controller import ControlInputs, law_inputs
 from msrr_control.docking.corrected_law import CorrectedLawState
 from msrr_control.docking.law import DockSetup
@@ -31,7 +31,7 @@ class SeriesRecorder:
 
     def __init__(self, unit: str) -> None:
         """Record the robot of ``unit``."""
-        self.instants: list[Instant] = []
+        self.instants: list[ControlInstant] = []
         self._action = topics.action(unit)
         self._estimate, self._los = topics.estimate(unit), topics.los(unit)
         self._assembly = topics.assembly(unit)
@@ -39,7 +39,7 @@ class SeriesRecorder:
     def write(self, topic: str, stamp_ns: int, message: Any) -> None:
         """Keep a message if it belongs to a control instant of the unit."""
         if topic == self._action:
-            self.instants.append(Instant(message))
+            self.instants.append(ControlInstant(message))
             return
         if not self.instants or self.instants[-1].action.stamp_ns != stamp_ns:
             return
@@ -89,7 +89,7 @@ class DockingSeries:
     twist: Array
 
     @classmethod
-    def of(cls, instants: list[Instant], scene: Scene, until_s: float | None) -> DockingSeries | None:
+    def of(cls, instants: list[ControlInstant], scene: Scene, until_s: float | None) -> DockingSeries | None:
         """Select the last approach; None if there was none.
 
         The guidance depends on estimates and line of sight alone, so that the law reproduces it from these.
@@ -113,7 +113,7 @@ class DockingSeries:
         setup = DockSetup.of(scene, step)
         X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
 
-        def poses(selected: list[Instant]) -> Array:
+        def poses(selected: list[ControlInstant]) -> Array:
             X_DU = [(i.true[step.target_unit] @ X_TD).inverse() @ i.true[step.unit] for i in selected]
             return np.array([X.as_array() for X in X_DU]).reshape(-1, 3)
 
@@ -170,7 +170,7 @@ def _speeds(time: Array, pose: Array) -> Array:
     return np.column_stack([dx * np.cos(yaw) + dy * np.sin(yaw), w])
 
 
-def _guidance(instants: list[Instant], scene: Scene, setup: DockSetup) -> tuple[Array, Array]:
+def _guidance(instants: list[ControlInstant], scene: Scene, setup: DockSetup) -> tuple[Array, Array]:
     """Return the docking law's reference without and with its line-of-sight correction, (T, 2) each [m]."""
     law = docking_law(scene.control.docking, setup)
     state: Any = None

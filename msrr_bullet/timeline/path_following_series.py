@@ -19,7 +19,7 @@ _FOLLOWING = ("drive", "settle")
 
 
 @dataclass(slots=True)
-class Instant:
+class ControlInstant:
     """One control instant of a trial.
 
     Attributes:
@@ -63,7 +63,7 @@ class PathFollowingSeries:
     arc_end: float
 
     @classmethod
-    def of(cls, instants: list[Instant], unit: str, offset: float) -> PathFollowingSeries | None:
+    def of(cls, instants: list[ControlInstant], unit: str, offset: float) -> PathFollowingSeries | None:
         """Select the instants at which a path was followed.
 
         Args:

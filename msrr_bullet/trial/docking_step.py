@@ -11,7 +11,7 @@ from msrr_bullet.log.recorder import Recorder
 from msrr_bullet.log.records import Event, Level, StepStart
 from msrr_bullet.robot.fail_safe import FailSafeRobot
 from msrr_bullet.sensors.schedule import Periodic, duration_ns
-from msrr_bullet.timeline.path_following_series import Instant, PathFollowingSeries
+from msrr_bullet.timeline.path_following_series import ControlInstant, PathFollowingSeries
 from msrr_bullet.trial.environment import Environment
 from msrr_bullet.trial.exposure_tally import ExposureTally
 from msrr_bullet.trial.judge import Judge
@@ -89,7 +89,7 @@ class DockingStep:
         recorder.write(topics.STEPS, now_ns, StepStart(now_ns, index, step.unit, step.port, step.to))
         self._onboard, self._overhead = ExposureTally(robot.estimate), ExposureTally(robot.arena)
         self._attempts: list[AttemptRecord] = []
-        self._assembly_instants: list[Instant] = []
+        self._assembly_instants: list[ControlInstant] = []
         self._deadline_ns = duration_ns(scene.time_limit_s)
         self._failed_ns: int | None = None  # time at which the program of the unit failed
         self.min_clearance = math.inf
@@ -239,7 +239,7 @@ class DockingStep:
         assembly = self.robot.assembly
         if assembly is not None:
             true = {self.step.unit: self._plant.pose(self.step.unit)}
-            self._assembly_instants.append(Instant(action, assembly=assembly, true=true))
+            self._assembly_instants.append(ControlInstant(action, assembly=assembly, true=true))
 
     def _assembly_figures(self) -> AssemblyFigures | None:
         unit = self.step.unit
