@@ -13,7 +13,7 @@ from msrr_bullet.cli.exit_codes import BAD_INPUT, report_error
 from msrr_scenes.wording import counted
 
 if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
-    from msrr_bullet.recordings.perceiver import Instant
+    from msrr_bullet.recordings.perceiver import PerceivedInstant
     from msrr_bullet.recordings.result import RecordingResult, Sigma
 
 #: Number of messages about frames that are printed one by one. A film of another size than the calibration
@@ -72,7 +72,7 @@ def perceive(
     messages: list[str] = []
     with status_line(console, str(recording)) as show:
 
-        def observe(instant: Instant) -> None:
+        def observe(instant: PerceivedInstant) -> None:
             show(f"{recording}: {1e-9 * instant.stamp_ns:.1f} s")
 
         def report(text: str) -> None:

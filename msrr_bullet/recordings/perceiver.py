@@ -29,7 +29,7 @@ from msrr_scenes.specs.target import ROBOT, RobotSpec
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Instant:
+class PerceivedInstant:
     """What is known at one instant of a recording.
 
     Attributes:
@@ -113,7 +113,7 @@ class Perceiver:
         """Return what the estimator has learned of the errors of calibration; none of one of a user's own."""
         return self._estimator.calibration_errors() if isinstance(self._estimator, CornerEkf) else ()
 
-    def run(self, items: Iterable[RecordedItem]) -> Iterator[Instant]:
+    def run(self, items: Iterable[RecordedItem]) -> Iterator[PerceivedInstant]:
         """Yield what is known at the arrival of every frame, and at the decisions of the recording.
 
         Raises:
@@ -183,13 +183,13 @@ class Perceiver:
             self._los.add_detections(found)
         return found
 
-    def _instant(self, now_ns: int, arrived: Detections | None) -> Instant:
+    def _instant(self, now_ns: int, arrived: Detections | None) -> PerceivedInstant:
         estimate = self._estimator.estimate(now_ns)
         los = self._los.observe(now_ns, self._estimator)
         if estimate is not None:
             self.recorder.write(topics.estimate(ROBOT), now_ns, estimate)
         self.recorder.write(topics.los(ROBOT), now_ns, los)
-        return Instant(now_ns, estimate, los, arrived, self._agrees(estimate, arrived))
+        return PerceivedInstant(now_ns, estimate, los, arrived, self._agrees(estimate, arrived))
 
     def _agrees(self, estimate: PoseEstimate | None, arrived: Detections | None) -> bool:
         if estimate is None or arrived is None:

@@ -9,7 +9,7 @@ from statistics import median
 
 from pydantic import BaseModel, Field
 
-from msrr_bullet.recordings.perceiver import Instant
+from msrr_bullet.recordings.perceiver import PerceivedInstant
 from msrr_bullet.trial.versions import trial_versions
 from msrr_perception.estimation.calibration_errors import EstimatedCalibrationError
 from msrr_scenes.messages import PoseEstimate, seconds
@@ -187,7 +187,7 @@ class Tally:
     _last: PoseEstimate | None = None
     _times_ns: list[int] = field(default_factory=list)
 
-    def add(self, instant: Instant) -> None:
+    def add(self, instant: PerceivedInstant) -> None:
         """Count an instant."""
         self._times_ns = [*self._times_ns[:1], instant.stamp_ns]
         self._sights[instant.los.status.value] += 1

@@ -18,7 +18,7 @@ from msrr_bullet.log.reader import LOG_NAME, unpacked_log
 from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.log.records import Event, FrameLink, FrameLinks, Level, StartPoses, StepStart
 from msrr_bullet.recordings.opening import open_recording
-from msrr_bullet.recordings.perceiver import Instant, Perceiver, random_walk
+from msrr_bullet.recordings.perceiver import PerceivedInstant, Perceiver, random_walk
 from msrr_bullet.recordings.recording import Recording, RecordingError, frame_period_s
 from msrr_bullet.recordings.result import RecordingResult, Tally
 from msrr_bullet.recordings.wheels import WheelReader
@@ -72,7 +72,7 @@ def perceive(
     *,
     out: Path | None = None,
     report: Callable[[str], None] | None = None,
-    observer: Callable[[Instant], None] | None = None,
+    observer: Callable[[PerceivedInstant], None] | None = None,
 ) -> RecordingResult:
     """Run the perception of a robot over a recording.
 
@@ -177,7 +177,7 @@ def _run(
     recording: Recording,
     recorder: Recorder,
     report: Callable[[str], None] | None,
-    observer: Callable[[Instant], None] | None,
+    observer: Callable[[PerceivedInstant], None] | None,
 ) -> RecordingResult:
     now_ns = 0
     tags = frozenset(scene.tag_ids(TARGET).values())

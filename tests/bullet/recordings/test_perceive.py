@@ -16,7 +16,7 @@ import yaml
 
 from msrr_bullet.cli.app import run
 from msrr_bullet.log import read_log
-from msrr_bullet.recordings.perceiver import Instant
+from msrr_bullet.recordings.perceiver import PerceivedInstant
 from msrr_bullet.recordings.recording import RecordingError
 from msrr_bullet.recordings.result import sigma_of
 from msrr_bullet.recordings.run import Options, perceive
@@ -32,7 +32,7 @@ from tests.bullet.recordings.mcap_files import FOCAL, write_foxglove, write_ros2
 
 
 def _estimates(path: Path, target: Path, options: Options | None = None) -> dict[int, PoseEstimate]:
-    found: list[Instant] = []
+    found: list[PerceivedInstant] = []
     result = perceive(path, target, options, observer=found.append)
     assert result.used == result.with_target == result.frames > 4
     return {i.stamp_ns: i.estimate for i in found if i.estimate is not None}
@@ -213,7 +213,7 @@ def test_a_lossless_film_without_odometry_agrees_within_its_covariance(trial: Tr
     for _, _, pixels in frames:
         film.write(cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR))
     film.release()
-    found: list[Instant] = []
+    found: list[PerceivedInstant] = []
     told = yaml.safe_load(trial.target.read_text())
     del told["camera"]["hfov_deg"]
     target = tmp_path / "film.yaml"

@@ -9,7 +9,7 @@ import pytest
 
 from msrr_bullet.figures.stills import draw_stills
 from msrr_bullet.log import read_log
-from msrr_bullet.recordings.perceiver import Instant
+from msrr_bullet.recordings.perceiver import PerceivedInstant
 from msrr_bullet.recordings.recording import RecordingError
 from msrr_bullet.recordings.run import Options, perceive
 from msrr_bullet.timeline.camera_views import read_exposures
@@ -38,7 +38,7 @@ def test_between_frames_the_robot_may_move_at_its_largest_speed(
     frames = _standing(trial, *range(period_ms, 7 * period_ms, period_ms))
     arrivals = [(s, a + period_ms * 999_000, p) for s, a, p in frames]  # just before the next exposure
     path = write_ros2(tmp_path / "film.mcap", arrivals, [])
-    found: list[Instant] = []
+    found: list[PerceivedInstant] = []
     result = perceive(path, trial.target, observer=found.append)
     estimate = found[-1].estimate
     assert estimate is not None
