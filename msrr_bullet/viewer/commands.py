@@ -107,7 +107,7 @@ def place(path: str, old: Placement | None, new: Placement) -> Iterator[Command]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Track:
+class KeyframeTrack:
     """One animated property of one node: ``values`` (N, k) at ``times`` (N,) [s]."""
 
     path: str
@@ -116,17 +116,17 @@ class Track:
     times: Array
     values: NDArray[np.float64] | NDArray[np.bool_]
 
-    def thinned(self) -> Track:
+    def thinned(self) -> KeyframeTrack:
         """Return the track without the keys between two equal neighbours."""
         if len(self.times) < 3:
             return self
         same = (self.values[1:] == self.values[:-1]).reshape(len(self.times) - 1, -1).all(axis=1)
         keep = np.ones(len(self.times), dtype=np.bool_)
         keep[1:-1] = ~(same[:-1] & same[1:])
-        return Track(self.path, self.name, self.kind, self.times[keep], self.values[keep])
+        return KeyframeTrack(self.path, self.name, self.kind, self.times[keep], self.values[keep])
 
 
-def set_animation(tracks: Sequence[Track]) -> Command:
+def set_animation(tracks: Sequence[KeyframeTrack]) -> Command:
     """Set the animation of the page from its tracks."""
     clips: dict[str, list[dict[str, Any]]] = {}
     for track in tracks:

@@ -13,7 +13,7 @@ from msrr_bullet.timeline.palette import ALARM, BLACK, unit_colours
 from msrr_bullet.timeline.routes import Routes
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import shapes
-from msrr_bullet.viewer.commands import HIDDEN, Command, Placement, Track, set_object, set_property
+from msrr_bullet.viewer.commands import HIDDEN, Command, KeyframeTrack, Placement, set_object, set_property
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -99,15 +99,15 @@ class MissionNodes:
 
     # The replay.
 
-    def replay(self, snapshots: Sequence[Snapshot]) -> tuple[list[Command], list[Track]]:
+    def replay(self, snapshots: Sequence[Snapshot]) -> tuple[list[Command], list[KeyframeTrack]]:
         """Return the commands that draw all ways and routes in pieces, and when each of them is shown."""
         commands: list[Command] = []
-        tracks: list[Track] = []
+        tracks: list[KeyframeTrack] = []
         times = np.array([seconds(snapshot.stamp_ns) for snapshot in snapshots])
 
         def show(node: str, visible: NDArray[np.bool_]) -> None:
             commands.append(set_property(node, "visible", bool(visible[0])))
-            tracks.append(Track(node, "visible", "bool", times, visible))
+            tracks.append(KeyframeTrack(node, "visible", "bool", times, visible))
 
         for unit in self._colours:
             for k, (end, points) in enumerate(_pieces(snapshots, unit)):

@@ -12,7 +12,7 @@ from msrr_bullet.log.records import Event
 from msrr_bullet.timeline.snapshot import Snapshot, planned_paths, step_histories
 from msrr_bullet.timeline.still import Still
 from msrr_bullet.viewer.arena_belief import PLAN_NODE, plan_commands
-from msrr_bullet.viewer.commands import Command, Placement, Track, set_animation
+from msrr_bullet.viewer.commands import Command, KeyframeTrack, Placement, set_animation
 from msrr_bullet.viewer.page import render_page
 from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at, path_commands
 from msrr_scenes.arrays import Array
@@ -84,10 +84,10 @@ def _pieces(poses: Iterable[SE2 | None]) -> Iterator[list[Array]]:
         yield piece
 
 
-def _paths(snapshots: Sequence[Snapshot]) -> tuple[list[Command], list[Track]]:
+def _paths(snapshots: Sequence[Snapshot]) -> tuple[list[Command], list[KeyframeTrack]]:
     """Return the commands that draw all paths, and the times at which each planned one is followed."""
     commands: list[Command] = []
-    tracks: list[Track] = []
+    tracks: list[KeyframeTrack] = []
     times = _times(snapshots)
     histories = step_histories(snapshots)
     driven = [[at.units.get(step.unit) for at, _ in history] for step, history in histories.items()]
@@ -98,7 +98,7 @@ def _paths(snapshots: Sequence[Snapshot]) -> tuple[list[Command], list[Track]]:
     for i, plan in enumerate(planned_paths(snapshots)):
         commands += plan_commands(f"{PLAN_NODE}/{i}", plan.points)
         followed = np.array([any(step.path is plan for step in s.steps) for s in snapshots])
-        tracks.append(Track(f"{PLAN_NODE}/{i}", "visible", "bool", times, followed))
+        tracks.append(KeyframeTrack(f"{PLAN_NODE}/{i}", "visible", "bool", times, followed))
     return commands, tracks
 
 
@@ -106,11 +106,11 @@ def _times(snapshots: Sequence[Snapshot]) -> Array:
     return np.array([seconds(snapshot.stamp_ns) for snapshot in snapshots])
 
 
-def _animation(graph: SceneGraph, snapshots: Sequence[Snapshot], paths: Sequence[Track]) -> Command:
+def _animation(graph: SceneGraph, snapshots: Sequence[Snapshot], paths: Sequence[KeyframeTrack]) -> Command:
     """Return the animation of everything that moves, and of the paths that are not always shown."""
     times = _times(snapshots)
     placements = [graph.placements(snapshot) for snapshot in snapshots]
-    tracks: list[Track] = []
+    tracks: list[KeyframeTrack] = []
     for node in placements[0]:
         tracks += _tracks(node, times, _held([by_node[node] for by_node in placements]))
     return set_animation([track.thinned() for track in (*tracks, *paths)])
@@ -128,15 +128,15 @@ def _held(history: Sequence[Placement]) -> list[Placement]:
     return held
 
 
-def _tracks(node: str, times: Array, history: Sequence[Placement]) -> list[Track]:
+def _tracks(node: str, times: Array, history: Sequence[Placement]) -> list[KeyframeTrack]:
     visible = np.array([p.visible for p in history])
     quaternions = np.array([p.X.quaternion_xyzw() for p in history])
     # q and -q are the same rotation, but interpolation from one to the other would turn the long way round.
     flips = np.cumprod(np.where((quaternions[1:] * quaternions[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
     quaternions[1:] *= flips[:, None]
     return [
-        Track(node, "visible", "bool", times, visible),
-        Track(node, "position", "vector3", times, np.array([p.X.p for p in history])),
-        Track(node, "quaternion", "quaternion", times, quaternions),
-        Track(node, "scale", "vector3", times, np.array([p.scale for p in history])),
+        KeyframeTrack(node, "visible", "bool", times, visible),
+        KeyframeTrack(node, "position", "vector3", times, np.array([p.X.p for p in history])),
+        KeyframeTrack(node, "quaternion", "quaternion", times, quaternions),
+        KeyframeTrack(node, "scale", "vector3", times, np.array([p.scale for p in history])),
     ]

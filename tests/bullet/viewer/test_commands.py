@@ -6,7 +6,7 @@ import meshcat.geometry as g
 import numpy as np
 import umsgpack
 
-from msrr_bullet.viewer.commands import HIDDEN, Placement, Track, place, set_object
+from msrr_bullet.viewer.commands import HIDDEN, KeyframeTrack, Placement, place, set_object
 from msrr_scenes.geometry.se3 import SE3
 
 
@@ -28,7 +28,7 @@ def test_only_changes_of_a_placement_are_sent() -> None:
 
 def test_a_thinned_track_keeps_both_ends_of_equal_values() -> None:
     times = np.arange(6.0)
-    track = Track(
+    track = KeyframeTrack(
         "n", "position", "vector3", times, np.array([[0.0], [0.0], [0.0], [1.0], [1.0], [2.0]])
     ).thinned()
     assert track.times.tolist() == [0.0, 2.0, 3.0, 4.0, 5.0]
