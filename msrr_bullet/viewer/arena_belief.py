@@ -10,7 +10,7 @@ import numpy as np
 from msrr_bullet.timeline.palette import BELIEF, PLAN
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import shapes
-from msrr_bullet.viewer.commands import HIDDEN, Command, Placement, set_object, set_property
+from msrr_bullet.viewer.commands import HIDDEN, Command, NodeState, set_object, set_property
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -53,19 +53,19 @@ class ArenaBelief:
         yield set_property("aim", "visible", False)
         yield set_property(PLAN_NODE, "visible", False)
 
-    def placements(self, snapshot: Snapshot) -> Iterator[tuple[str, Placement]]:
-        """Yield the placement of every node. All snapshots of a scene have the same nodes."""
+    def node_states(self, snapshot: Snapshot) -> Iterator[tuple[str, NodeState]]:
+        """Yield the state of every node. All snapshots of a scene have the same nodes."""
         if not self._outlines:
             return
         poses = _believed_poses(snapshot)
         for name in self._outlines:
             X_WB = poses.get(name)
-            yield f"believed/{name}", Placement(SE3.from_se2(X_WB)) if X_WB else HIDDEN
+            yield f"believed/{name}", NodeState(SE3.from_se2(X_WB)) if X_WB else HIDDEN
         follows_path = any(step.assembly is not None and step.path is not None for step in snapshot.steps)
-        yield PLAN_NODE, Placement(visible=follows_path)
+        yield PLAN_NODE, NodeState(visible=follows_path)
         desired, first = HIDDEN, snapshot.first
         if snapshot.mission is None and first.assembly is not None and first.path is not None:
-            desired = Placement(SE3.from_se2(SE2(*first.assembly.desired, 0.0), DESIRED_Z))
+            desired = NodeState(SE3.from_se2(SE2(*first.assembly.desired, 0.0), DESIRED_Z))
         yield "aim", desired
 
 

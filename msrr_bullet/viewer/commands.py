@@ -81,7 +81,7 @@ def set_property(path: str, name: str, value: bool | float | Sequence[float]) ->
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Placement:
+class NodeState:
     """Pose, visibility and scale of a node at one instant."""
 
     X: SE3 = field(default_factory=SE3)
@@ -89,11 +89,11 @@ class Placement:
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
 
-HIDDEN = Placement(visible=False)
+HIDDEN = NodeState(visible=False)
 
 
-def place(path: str, old: Placement | None, new: Placement) -> Iterator[Command]:
-    """Yield the commands that take a node from its old placement, if it has one, to a new one."""
+def place(path: str, old: NodeState | None, new: NodeState) -> Iterator[Command]:
+    """Yield the commands that take a node from its old state, if it has one, to a new one."""
     if old is None or old.visible != new.visible:
         yield set_property(path, "visible", new.visible)
     moved = (  # the place of a hidden node was never sent

@@ -21,7 +21,7 @@ from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import server
 from msrr_bullet.viewer.arena_belief import LIVE_PLAN_NODE, plan_commands
-from msrr_bullet.viewer.commands import Command, Placement, place
+from msrr_bullet.viewer.commands import Command, NodeState, place
 from msrr_bullet.viewer.live_cameras import LiveCameras, StillDrawer
 from msrr_bullet.viewer.page import render_page
 from msrr_bullet.viewer.readings import labels, readings, unit_readings
@@ -80,7 +80,7 @@ class LiveViewer:
         """
         self._graph = SceneGraph(scene)
         self._pace, self._labels = pace, labels(scene)
-        self._placed: dict[str, Placement] = {}
+        self._placed: dict[str, NodeState] = {}
         draw = self._graph.mission.way if scene.coordinated else _draw_truth
         self._true_paths = {unit: _GrowingPath(unit, draw) for unit in scene.units}
         self._believed_paths = {unit: _GrowingPath(unit, _draw_belief) for unit in scene.units}
@@ -199,9 +199,9 @@ class LiveViewer:
         if not self._view_set:
             commands += look_at([snapshot])
             self._view_set = True
-        for node, placement in self._graph.placements(snapshot).items():
-            commands += place(node, self._placed.get(node), placement)
-            self._placed[node] = placement
+        for node, state in self._graph.node_states(snapshot).items():
+            commands += place(node, self._placed.get(node), state)
+            self._placed[node] = state
         for step in snapshot.steps:
             unit, plan = step.unit, None if snapshot.mission is not None else step.path
             if plan is not None and plan is not self._plans.get(unit):

@@ -13,7 +13,7 @@ from msrr_bullet.timeline.palette import ALARM, BLACK, unit_colours
 from msrr_bullet.timeline.routes import Routes
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import shapes
-from msrr_bullet.viewer.commands import HIDDEN, Command, KeyframeTrack, Placement, set_object, set_property
+from msrr_bullet.viewer.commands import HIDDEN, Command, KeyframeTrack, NodeState, set_object, set_property
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -58,8 +58,8 @@ class MissionNodes:
             for node in (f"waits/{unit}/shaft", f"waits/{unit}/head", f"joints/{unit}"):
                 yield set_property(node, "visible", False)
 
-    def placements(self, snapshot: Snapshot) -> Iterator[tuple[str, Placement]]:
-        """Yield the placement of every node. All snapshots of a scene have the same nodes."""
+    def node_states(self, snapshot: Snapshot) -> Iterator[tuple[str, NodeState]]:
+        """Yield the state of every node. All snapshots of a scene have the same nodes."""
         for unit in self._colours:
             shaft = head = joint = HIDDEN
             mission = snapshot.mission
@@ -70,7 +70,7 @@ class MissionNodes:
             if port is not None:
                 holder, _, name = port.partition(".")
                 X_WD = snapshot.units[holder] @ self._geometries[holder].dock_frame(name)
-                joint = Placement(SE3.from_se2(X_WD, self._tops[holder] + JOINT_ABOVE))
+                joint = NodeState(SE3.from_se2(X_WD, self._tops[holder] + JOINT_ABOVE))
             yield f"waits/{unit}/shaft", shaft
             yield f"waits/{unit}/head", head
             yield f"joints/{unit}", joint
@@ -143,14 +143,14 @@ def _top(geometry: UnitGeometry) -> float:
     return max(float(solid.points()[:, 2].max()) for solid in geometry.solids)
 
 
-def _arrow(start: SE2, end: SE2) -> tuple[Placement, Placement]:
-    """Return the placements of shaft and head of an arrow between the middles of two units."""
+def _arrow(start: SE2, end: SE2) -> tuple[NodeState, NodeState]:
+    """Return the states of shaft and head of an arrow between the middles of two units."""
     yaw = math.atan2(end.y - start.y, end.x - start.x)
     length = max(math.hypot(end.x - start.x, end.y - start.y) - 2.0 * WAITS_OFF, WAITS_HEAD)
     X_WA = SE2(start.x, start.y, yaw) @ SE2(WAITS_OFF, 0.0, 0.0)
     middle, tip = X_WA @ SE2(0.5 * (length - WAITS_HEAD), 0.0, 0.0), X_WA @ SE2(length, 0.0, 0.0)
-    shaft = Placement(SE3.from_se2(middle, WAITS_Z), scale=(max(length - WAITS_HEAD, 1e-3), 1.0, 1.0))
-    return shaft, Placement(SE3.from_se2(tip, WAITS_Z))
+    shaft = NodeState(SE3.from_se2(middle, WAITS_Z), scale=(max(length - WAITS_HEAD, 1e-3), 1.0, 1.0))
+    return shaft, NodeState(SE3.from_se2(tip, WAITS_Z))
 
 
 def _pieces(snapshots: Sequence[Snapshot], unit: str) -> Iterator[tuple[int, list[Array]]]:

@@ -12,7 +12,7 @@ from msrr_bullet.log.records import Event
 from msrr_bullet.timeline.snapshot import Snapshot, planned_paths, step_histories
 from msrr_bullet.timeline.still import Still
 from msrr_bullet.viewer.arena_belief import PLAN_NODE, plan_commands
-from msrr_bullet.viewer.commands import Command, KeyframeTrack, Placement, set_animation
+from msrr_bullet.viewer.commands import Command, KeyframeTrack, NodeState, set_animation
 from msrr_bullet.viewer.page import render_page
 from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at, path_commands
 from msrr_scenes.arrays import Array
@@ -109,26 +109,26 @@ def _times(snapshots: Sequence[Snapshot]) -> Array:
 def _animation(graph: SceneGraph, snapshots: Sequence[Snapshot], paths: Sequence[KeyframeTrack]) -> Command:
     """Return the animation of everything that moves, and of the paths that are not always shown."""
     times = _times(snapshots)
-    placements = [graph.placements(snapshot) for snapshot in snapshots]
+    node_states = [graph.node_states(snapshot) for snapshot in snapshots]
     tracks: list[KeyframeTrack] = []
-    for node in placements[0]:
-        tracks += _tracks(node, times, _held([by_node[node] for by_node in placements]))
+    for node in node_states[0]:
+        tracks += _tracks(node, times, _held([by_node[node] for by_node in node_states]))
     return set_animation([track.thinned() for track in (*tracks, *paths)])
 
 
-def _held(history: Sequence[Placement]) -> list[Placement]:
+def _held(history: Sequence[NodeState]) -> list[NodeState]:
     """Return a history in which a node stays where it was when it was hidden.
 
     The page moves it from one instant to the next, and hides it only at the end of that way.
     """
     held, last = [], next((p for p in history if p.visible), history[0])
-    for placement in history:
-        last = placement if placement.visible else replace(last, visible=False)
+    for state in history:
+        last = state if state.visible else replace(last, visible=False)
         held.append(last)
     return held
 
 
-def _tracks(node: str, times: Array, history: Sequence[Placement]) -> list[KeyframeTrack]:
+def _tracks(node: str, times: Array, history: Sequence[NodeState]) -> list[KeyframeTrack]:
     visible = np.array([p.visible for p in history])
     quaternions = np.array([p.X.quaternion_xyzw() for p in history])
     # q and -q are the same rotation, but interpolation from one to the other would turn the long way round.

@@ -30,7 +30,7 @@ from msrr_bullet.timeline.palette import (
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import shapes
 from msrr_bullet.viewer.arena_belief import ArenaBelief
-from msrr_bullet.viewer.commands import HIDDEN, Command, Placement, set_object, set_property, set_transform
+from msrr_bullet.viewer.commands import HIDDEN, Command, NodeState, set_object, set_property, set_transform
 from msrr_bullet.viewer.mission_nodes import MissionNodes
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import R_BODY_OPTICAL
@@ -161,26 +161,26 @@ class SceneGraph:
         yield shapes.line_segments("sight/camera", np.array(rays + rim), SIGHT)
         yield set_property("sight", "visible", False)
 
-    def placements(self, snapshot: Snapshot) -> Mapping[str, Placement]:
-        """Return the placements of all moving nodes. All snapshots of a scene have the same nodes."""
-        nodes: dict[str, Placement] = {}
+    def node_states(self, snapshot: Snapshot) -> Mapping[str, NodeState]:
+        """Return the states of all moving nodes. All snapshots of a scene have the same nodes."""
+        nodes: dict[str, NodeState] = {}
         for name in self._scene.units:
             X = snapshot.units.get(name)
-            nodes[f"units/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
+            nodes[f"units/{name}"] = NodeState(SE3.from_se2(X)) if X else HIDDEN
         believed = {step.unit: step.estimate for step in snapshot.steps}
         for name in self._docking:
             X = believed.get(name)
-            nodes[f"ghost/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
+            nodes[f"ghost/{name}"] = NodeState(SE3.from_se2(X)) if X else HIDDEN
         for name in self._scene.obstacles:
             X = snapshot.obstacles.get(name)
-            nodes[f"obstacles/{name}"] = Placement(SE3.from_se2(X)) if X else HIDDEN
-        nodes.update(_clearance_placements(snapshot, self._monitored_m))
-        nodes.update(self._belief.placements(snapshot))
-        nodes.update(self.mission.placements(snapshot))
-        nodes.update(self._sight_placements(snapshot))
+            nodes[f"obstacles/{name}"] = NodeState(SE3.from_se2(X)) if X else HIDDEN
+        nodes.update(_clearance_states(snapshot, self._monitored_m))
+        nodes.update(self._belief.node_states(snapshot))
+        nodes.update(self.mission.node_states(snapshot))
+        nodes.update(self._sight_states(snapshot))
         return nodes
 
-    def _sight_placements(self, snapshot: Snapshot) -> Iterator[tuple[str, Placement]]:
+    def _sight_states(self, snapshot: Snapshot) -> Iterator[tuple[str, NodeState]]:
         watched, los = snapshot.watched, None
         X_WC, X_WF, visible = SE3(), SE3(), False
         if watched is not None:
@@ -191,29 +191,29 @@ class SceneGraph:
             visible = visible and X_WU is not None
             X_WC = SE3.from_se2(X_WU or SE2()) @ self._geometries[watched.unit].frame("camera")
             X_WF = SE3.from_se2(X_WC.to_se2(), SIGHT_Z)
-        yield "sight", Placement(visible=visible)
-        yield "sight/camera", Placement(X_WC, visible=visible)
-        yield "sight/floor", Placement(X_WF, visible=visible)
+        yield "sight", NodeState(visible=visible)
+        yield "sight/camera", NodeState(X_WC, visible=visible)
+        yield "sight/floor", NodeState(X_WF, visible=visible)
         for status in (LosStatus.SEEN, LosStatus.PREDICTED):
             shown = los is not None and los.status is status
             left, right = (los.left, los.right) if shown and los else (0.0, 0.0)
             for name, angle in (("left", left), ("right", right)):
                 X_FE = SE3.from_se2(SE2(yaw=angle))
-                yield f"sight/floor/{name}_{status.value}", Placement(X_FE, visible=shown)
+                yield f"sight/floor/{name}_{status.value}", NodeState(X_FE, visible=shown)
 
 
 def _grid(low: float, high: float) -> Iterator[float]:
     return (k * GRID_STEP for k in range(math.ceil(low / GRID_STEP), math.floor(high / GRID_STEP) + 1))
 
 
-def _clearance_placements(snapshot: Snapshot, monitored_m: float) -> Iterator[tuple[str, Placement]]:
+def _clearance_states(snapshot: Snapshot, monitored_m: float) -> Iterator[tuple[str, NodeState]]:
     """Yield the bar between the nearest points, in red below the clearance at which the monitor acts."""
     nearest = snapshot.clearance
     bar, limited = HIDDEN, False
     if nearest is not None and nearest.distance > 0.0:
         (ax, ay), (bx, by) = nearest.point_a, nearest.point_b
         X = SE2(0.5 * (ax + bx), 0.5 * (ay + by), math.atan2(by - ay, bx - ax))
-        bar = Placement(SE3.from_se2(X, CLEARANCE_Z), scale=(nearest.distance, 1.0, 1.0))
+        bar = NodeState(SE3.from_se2(X, CLEARANCE_Z), scale=(nearest.distance, 1.0, 1.0))
         limited = nearest.distance < monitored_m
     yield "clearance/free", HIDDEN if limited else bar
     yield "clearance/monitored", bar if limited else HIDDEN

@@ -31,4 +31,4 @@ def test_pages_show_the_plan_and_the_estimates_of_other_bodies(
 def test_a_scene_without_an_overhead_camera_has_no_such_nodes(drive):
     belief = ArenaBelief(load_scene("close_range"))
     assert not list(belief.build())
-    assert not list(belief.placements(drive.snapshots[0]))
+    assert not list(belief.node_states(drive.snapshots[0]))

@@ -6,7 +6,7 @@ import meshcat.geometry as g
 import numpy as np
 import umsgpack
 
-from msrr_bullet.viewer.commands import HIDDEN, KeyframeTrack, Placement, place, set_object
+from msrr_bullet.viewer.commands import HIDDEN, KeyframeTrack, NodeState, place, set_object
 from msrr_scenes.geometry.se3 import SE3
 
 
@@ -18,10 +18,10 @@ def test_the_same_shape_gives_the_same_bytes() -> None:
     assert umsgpack.unpackb(first.data)["path"] == "a/b"
 
 
-def test_only_changes_of_a_placement_are_sent() -> None:
-    here, there = Placement(), Placement(SE3(p=np.array([1.0, 0.0, 0.0])))
+def test_only_changes_of_a_state_are_sent() -> None:
+    here, there = NodeState(), NodeState(SE3(p=np.array([1.0, 0.0, 0.0])))
     assert [c.key for c in place("n", None, here)] == ["property n visible", "transform n"]
-    assert not list(place("n", here, Placement()))
+    assert not list(place("n", here, NodeState()))
     assert [c.key for c in place("n", here, there)] == ["transform n"]
     assert [c.key for c in place("n", here, HIDDEN)] == ["property n visible"]
 

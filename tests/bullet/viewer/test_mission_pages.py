@@ -101,7 +101,7 @@ def test_readings_tell_what_each_unit_does(mission_run, waiting):
 
 def test_an_arrow_leads_from_the_unit_that_waits_to_the_other_one(nodes, waiting):
     unit = next(u for u in waiting.units if waiting.mission.waits_for(u))
-    placed = dict(nodes.placements(waiting))
+    placed = dict(nodes.node_states(waiting))
     head, shaft = placed[f"waits/{unit}/head"], placed[f"waits/{unit}/shaft"]
     target = waiting.units[waiting.mission.waits_for(unit)].translation
     assert abs(np.linalg.norm(head.X.p[:2] - target) - WAITS_OFF) < 1e-6
@@ -113,8 +113,8 @@ def test_an_arrow_leads_from_the_unit_that_waits_to_the_other_one(nodes, waiting
 
 def test_a_docked_pair_is_marked_at_its_port(nodes, mission_run):
     before, after = mission_run.snapshots[0], mission_run.snapshots[-1]
-    assert not any(p.visible for node, p in nodes.placements(before) if node.startswith("joints/"))
-    marked = {node for node, p in nodes.placements(after) if node.startswith("joints/") and p.visible}
+    assert not any(p.visible for node, p in nodes.node_states(before) if node.startswith("joints/"))
+    marked = {node for node, p in nodes.node_states(after) if node.startswith("joints/") and p.visible}
     assert marked == {f"joints/{u}" for u in "abcd" if after.mission.docked_to(u)}
 
 
@@ -151,5 +151,5 @@ def test_the_live_view_draws_a_route_again_only_when_it_has_changed(mission_run,
 def test_a_scene_without_a_base_station_has_no_such_nodes(drive):
     nodes = MissionNodes(drive.scene)
     assert not list(nodes.build())
-    assert not list(nodes.placements(drive.snapshots[0]))
+    assert not list(nodes.node_states(drive.snapshots[0]))
     assert not list(nodes.live_routes(drive.snapshots[0]))
