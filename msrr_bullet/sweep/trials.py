@@ -19,7 +19,7 @@ from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.remote_trial import remote_trial
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_store import TrialStore
-from msrr_bullet.sweep.worker_pool import SupportsSubmit, Task, TrialFunction, WorkerPool
+from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction, TrialTask, WorkerPool
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.wall_limit import check_wall_limit
 from msrr_scenes.errors import ChangedFileError, ProgramFailedError
@@ -93,7 +93,7 @@ class _WantedTrials:
     def __init__(self, store: TrialStore | None, observer: TrialObserver | None) -> None:
         self.outcomes: dict[tuple[str, int], TrialResult | TrialFailure] = {}
         self.codes: dict[str, str] = {}
-        self.missing: deque[Task] = deque()
+        self.missing: deque[TrialTask] = deque()
         self._asked: set[tuple[str, int]] = set()
         self._store, self._observer = store, observer
 
@@ -115,7 +115,7 @@ class _WantedTrials:
         for seed, result in stored.items():
             self.outcomes[digest, seed] = result
             self._show(result, True)
-        tasks = [Task(scene, digest, seed) for seed in new if seed not in stored]
+        tasks = [TrialTask(scene, digest, seed) for seed in new if seed not in stored]
         if tasks:
             _check(scene)
             if self._store is not None:
@@ -124,7 +124,7 @@ class _WantedTrials:
                 prepare_cameras(scene, _log.info)  # once, instead of in every worker at the same time
         self.missing += tasks
 
-    def collect(self, task: Task, outcome: TrialResult | TrialFailure) -> None:
+    def collect(self, task: TrialTask, outcome: TrialResult | TrialFailure) -> None:
         """Take in what a trial has ended with; it is one of the outcomes even if the store cannot keep it.
 
         Raises:

@@ -29,7 +29,7 @@ _log = logging.getLogger(__name__)
 TrialFunction = Callable[..., TrialResult]
 
 
-class Task(NamedTuple):
+class TrialTask(NamedTuple):
     """A trial to be run: its scene, the hash of that scene, and its seed."""
 
     scene: Scene
@@ -45,7 +45,7 @@ _ENDS_S, _OVERDUE_S = 5.0, 15.0
 _DROPPED = "the executor has dropped a trial; what is done so far is kept in the store"
 
 #: Called with every finished task, and its result or failure.
-Collector = Callable[[Task, TrialResult | TrialFailure], None]
+Collector = Callable[[TrialTask, TrialResult | TrialFailure], None]
 
 
 class SupportsSubmit(Protocol):
@@ -162,10 +162,10 @@ class WorkerPool:
         self._pool: SpawnedPool | None = None
         self._trial = trial
         self._collector = collector
-        self._running: dict[Future[Any], Task] = {}
+        self._running: dict[Future[Any], TrialTask] = {}
         self._overdue = ""  # why the processes were killed, if they were
 
-    def run(self, tasks: deque[Task]) -> None:
+    def run(self, tasks: deque[TrialTask]) -> None:
         """Run every task; a task is removed from ``tasks`` when its trial starts."""
         while tasks or self._running:
             slots = self._slots()
@@ -219,7 +219,7 @@ class WorkerPool:
         if self.close():
             raise KeyboardInterrupt
 
-    def _submit(self, task: Task, workers: int) -> None:
+    def _submit(self, task: TrialTask, workers: int) -> None:
         executor: SupportsSubmit = self._given if self._given is not None else self._open(workers)
         try:
             future = executor.submit(self._trial, task.scene, task.seed)
@@ -242,7 +242,7 @@ class WorkerPool:
                 ) from None
         return self._pool
 
-    def _collect(self) -> list[Task]:
+    def _collect(self) -> list[TrialTask]:
         """Wait until a trial ends and collect all that have; return the tasks that a dead worker left."""
         self._overdue = ""
         most_s = None if self._wall_limit_s is None or self._pool is None else self._wall_limit_s + _OVERDUE_S
@@ -256,7 +256,7 @@ class WorkerPool:
             )
             self._pool.kill()
             finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
-        lost: list[Task] = []
+        lost: list[TrialTask] = []
         misuse: MsrrError | None = None
         for future in finished:
             task = self._running[future]
@@ -285,7 +285,7 @@ class WorkerPool:
         return lost
 
 
-def _failure(task: Task, error: str, stopped: bool = False) -> TrialFailure:
+def _failure(task: TrialTask, error: str, stopped: bool = False) -> TrialFailure:
     return TrialFailure(scene=task.scene.name, seed=task.seed, error=error, stopped=stopped)
 
 

@@ -13,7 +13,7 @@ import pytest
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.sweep import sweep
 from msrr_bullet.sweep.trials import one_trial
-from msrr_bullet.sweep.worker_pool import SupportsSubmit, Task, TrialFunction, WorkerPool
+from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction, TrialTask, WorkerPool
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.specs.scene import Scene
@@ -22,7 +22,7 @@ from msrr_scenes.specs.scene import Scene
 def test_every_seed_is_collected_once(scene: Scene, inline: SupportsSubmit, made_up: TrialFunction) -> None:
     collected: list[int] = []
     pool = WorkerPool(lambda: 2, inline, made_up, lambda task, outcome: collected.append(task.seed))
-    pool.run(deque(Task(scene, scene_hash(scene), seed) for seed in range(7)))
+    pool.run(deque(TrialTask(scene, scene_hash(scene), seed) for seed in range(7)))
     pool.close()
     assert sorted(collected) == list(range(7))
 
