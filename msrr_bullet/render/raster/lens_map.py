@@ -9,7 +9,7 @@ import numpy as np
 
 from msrr_bullet.render.raster.kernels.floor import ROLLED_STRIDE
 from msrr_bullet.render.raster.kernels.lens_nodes import cut_nodes, node_steps, undistort_nodes
-from msrr_bullet.render.raster.kernels.records import Lens, LensView
+from msrr_bullet.render.raster.kernels.records import LensParameters, LensView
 from msrr_bullet.render.raster.memory import untouched
 from msrr_scenes.geometry.distortion import Distortion, has_inverse, no_inverse
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
@@ -54,7 +54,7 @@ class _Grid:
         self.group_u, self.group_v = np.empty(groups), np.empty(groups)
         self.shift, self.pitch, self.slant = 0.0, np.inf, 0.0
 
-    def compute(self, lens: Lens, j0: int, j1: int, i0: int, i1: int) -> bool:
+    def compute(self, lens: LensParameters, j0: int, j1: int, i0: int, i1: int) -> bool:
         """Compute the corners in rows j0 to j1 - 1 and columns i0 to i1 - 1, and widen the bounds.
 
         Returns:
@@ -92,7 +92,7 @@ class LensMap:
         """
         self.camera = camera
         self.distortion = distortion
-        self._lens = Lens(camera.focal, camera.cx, camera.cy, *astuple(distortion))
+        self._lens = LensParameters(camera.focal, camera.cx, camera.cy, *astuple(distortion))
         if not has_inverse(camera, distortion):
             raise no_inverse(distortion, camera.frame)
         self._latest: tuple[Window, LensView, Window] | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_bullet.render.raster.kernels.compiler import kernel
-from msrr_bullet.render.raster.kernels.records import Lens
+from msrr_bullet.render.raster.kernels.records import LensParameters
 from msrr_scenes.arrays import Array
 
 #: Steps of Newton's method, and the largest distance, in the plane z = 1, between a node and the image of
@@ -15,7 +15,7 @@ _STEPS, _RESIDUAL = 7, 1e-9
 
 @kernel
 def undistort_nodes(
-    lens: Lens, columns: Array, rows: Array, j0: int, j1: int, i0: int, i1: int, u: Array, v: Array
+    lens: LensParameters, columns: Array, rows: Array, j0: int, j1: int, i0: int, i1: int, u: Array, v: Array
 ) -> bool:
     """Write where an ideal lens would show a part of a grid of pixels; say whether the lens has an inverse.
 

@@ -80,7 +80,7 @@ class View(NamedTuple):
     near: float  # [m]
 
 
-class Lens(NamedTuple):
+class LensParameters(NamedTuple):
     """Intrinsics of a camera and the distortion of its lens, by Brown and Conrady."""
 
     focal: float  # [px]
