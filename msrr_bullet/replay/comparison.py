@@ -92,7 +92,7 @@ class ReplayReport(BaseModel, frozen=True):
 COUNTS = tuple(name for name, field in ReplayReport.model_fields.items() if field.annotation is int)
 
 
-class Comparison:
+class ReplayComparison:
     """Collects the differences between the messages of a log and those of a replay.
 
     Attributes:

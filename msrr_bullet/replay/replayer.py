@@ -16,7 +16,14 @@ from typing import TypeGuard
 from msrr_bullet.log import topics
 from msrr_bullet.log.reader import Log, LogRecord
 from msrr_bullet.log.records import CameraWindow, Event, Level, StepStart
-from msrr_bullet.replay.comparison import COUNTS, Comparison, Diverged, ReplayError, ReplayReport, encoded
+from msrr_bullet.replay.comparison import (
+    COUNTS,
+    Diverged,
+    ReplayComparison,
+    ReplayError,
+    ReplayReport,
+    encoded,
+)
 from msrr_bullet.robot.interface import CameraReader, ObservableRobot
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
@@ -79,7 +86,7 @@ class Replayer(ABC):
         self._camera_failure: str | None = None
         self._detections: dict[tuple[str, int], Detections] = {}
         self._monitor_is_logged = log.header.versions.get("msrr-bullet") != "0.1.0"  # not yet in that version
-        self._comparison = Comparison()
+        self._comparison = ReplayComparison()
         self._counts = dict.fromkeys(COUNTS, 0)
 
     def run(self) -> ReplayReport:

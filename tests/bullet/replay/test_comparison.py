@@ -9,7 +9,7 @@ import pytest
 
 from msrr_bullet.log import read_log
 from msrr_bullet.log.reader import LogRecord
-from msrr_bullet.replay.comparison import MAX_MISMATCHES, Comparison, Diverged, Mismatch, ReplayReport
+from msrr_bullet.replay.comparison import MAX_MISMATCHES, Diverged, Mismatch, ReplayComparison, ReplayReport
 from msrr_scenes.messages import Action, Twist
 
 
@@ -19,7 +19,7 @@ def record_of_action(recorded_run: Path) -> LogRecord:
 
 
 def test_only_equal_bits_are_equal(record_of_action: LogRecord) -> None:
-    comparison, logged = Comparison(), record_of_action.message
+    comparison, logged = ReplayComparison(), record_of_action.message
     assert comparison.compare("command", record_of_action, logged)
     assert comparison.mismatches == []
     next_float = float(np.nextafter(logged.twist.v, 2.0))
@@ -35,7 +35,7 @@ def test_only_equal_bits_are_equal(record_of_action: LogRecord) -> None:
 
 
 def test_the_comparison_ends_after_a_number_of_differences(record_of_action: LogRecord) -> None:
-    comparison = Comparison()
+    comparison = ReplayComparison()
     for _ in range(MAX_MISMATCHES - 1):
         comparison.add("window", record_of_action, None, "x")
     with pytest.raises(Diverged):
