@@ -18,7 +18,7 @@ from msrr_scenes.outcome import Outcome
 from msrr_scenes.wording import counted
 
 if TYPE_CHECKING:  # it loads scipy.stats, which takes as long as half a trial
-    from msrr_bullet.sweep.comparison import Comparison
+    from msrr_bullet.sweep.comparison import SweepComparison
 
 _UNKNOWN = "-"
 
@@ -236,7 +236,7 @@ def _quantiles(values: Quantiles, unit: str) -> list[Text]:
     return cells
 
 
-def comparison_table(comparison: Comparison, first: str, second: str) -> Table:
+def comparison_table(comparison: SweepComparison, first: str, second: str) -> Table:
     """Return the table of two sweeps, which are called by their names."""
     trials = comparison.trials
     left_out = [

@@ -124,7 +124,7 @@ class ComparedFigure(BaseModel, frozen=True):
     quantiles: tuple[ComparedQuantile, ...]
 
 
-class Comparison(BaseModel, frozen=True):
+class SweepComparison(BaseModel, frozen=True):
     """Two sweeps, compared over the seeds that both have.
 
     Attributes:
@@ -159,7 +159,7 @@ class Comparison(BaseModel, frozen=True):
         return len({*self.scenes} - {""}) < 2
 
 
-def compare_sweeps(first: Path, second: Path) -> Comparison:
+def compare_sweeps(first: Path, second: Path) -> SweepComparison:
     """Compare two sweeps trial by trial, by the files that ``msrr sweep --csv`` wrote of them.
 
     A trial without a result counts as one that did not succeed.
@@ -179,7 +179,7 @@ def compare_sweeps(first: Path, second: Path) -> Comparison:
         *(_compared(f, [(_value(p, f), _value(q, f)) for p, q in pairs]) for f in _FIGURES),
         _compared(_DURATION, [(p.duration_s, q.duration_s) for p, q in both]),
     ]
-    return Comparison(
+    return SweepComparison(
         scenes=(one["scene"], other["scene"]),
         plants=(one["plant"], other["plant"]),
         perceptions=(one["perception"], other["perception"]),

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.cli.app import run
-from msrr_bullet.sweep.comparison import ComparedFigure, Comparison, compare_sweeps
+from msrr_bullet.sweep.comparison import ComparedFigure, SweepComparison, compare_sweeps
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_table import trials_csv
 from msrr_bullet.sweep.worker_pool import TrialFunction
@@ -37,7 +37,7 @@ def _shifted(result: TrialResult, lateral_m: float) -> TrialResult:
     return result.model_copy(update={"steps": (step,)})
 
 
-def _figure(comparison: Comparison, name: str) -> ComparedFigure:
+def _figure(comparison: SweepComparison, name: str) -> ComparedFigure:
     (found,) = (figure for figure in comparison.figures if figure.name.startswith(name))
     return found
 
@@ -156,7 +156,7 @@ def test_the_command_prints_a_table_and_writes_numbers(
     assert "27 of 30" in shown
     assert "+2.00 .. +2.00" in shown
     assert "too few trials" in shown
-    assert Comparison.model_validate(json.loads(numbers.read_text())) == compare_sweeps(first, second)
+    assert SweepComparison.model_validate(json.loads(numbers.read_text())) == compare_sweeps(first, second)
     assert run(["compare", str(first), str(second), "--json", "-"]) == 0
     assert json.loads(capsys.readouterr().out)["trials"] == 30
 
