@@ -12,7 +12,7 @@ from msrr_bullet.reproduce.progress import ProgressListener
 from msrr_bullet.reproduce.report.ablation_plot import draw_ablations
 from msrr_bullet.reproduce.report.figure6_plot import draw_figure6
 from msrr_bullet.reproduce.report.html import strip_title, write_report
-from msrr_bullet.reproduce.report.map_plot import draw_map
+from msrr_bullet.reproduce.report.map_plot import draw_gain_delay_map
 from msrr_bullet.reproduce.report.panel_plot import draw_panels
 from msrr_bullet.reproduce.report.strip_plot import draw_strips
 from msrr_bullet.reproduce.unicycle_studies import Contenders, reproduce_unicycle
@@ -122,7 +122,7 @@ def write_all(results: Reproduction, out: Path) -> Path:
         figures[strip_title(table)] = draw_strips(table, out / _file(strip_title(table)))
     for chart in results.maps:
         title = f"Gain and delay: {'compensated' if chart.compensated else 'uncompensated'}"
-        figures[title] = draw_map(chart, out / _file(title))
+        figures[title] = draw_gain_delay_map(chart, out / _file(title))
     for ablation in results.ablations:
         title = f"Ablations, {ablation.phase}"
         figures[title] = draw_ablations(ablation, out / _file(title))

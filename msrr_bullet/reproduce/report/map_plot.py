@@ -32,7 +32,7 @@ _CELL_STYLES: dict[tuple[bool, bool], tuple[str, str, str]] = {
 }
 
 
-def draw_map(chart: GainDelayMap, path: Path) -> Path:
+def draw_gain_delay_map(chart: GainDelayMap, path: Path) -> Path:
     """Draw the success of each controller, and which of two dock in each cell; a row for each pair."""
     with styled():
         figure = new_figure(19.0, 13.6)
