@@ -135,7 +135,7 @@ def _report(console: Console, study: ToleranceStudy) -> None:
     for sample in study.grades:
         together.add_row(
             sample.grade,
-            f"{wording.counted(sample)} ({wording.interval(sample.docked)})",
+            f"{wording.docked_count(sample)} ({wording.interval(sample.docked)})",
             wording.median_and_95(sample.lateral_mm),
             wording.median_and_95(sample.yaw_deg),
             wording.outcomes(sample),

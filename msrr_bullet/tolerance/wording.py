@@ -39,7 +39,7 @@ def interval(rate: Rate) -> str:
     return f"{100 * rate.low:.0f} .. {100 * rate.high:.0f} %"
 
 
-def counted(sample: Sample) -> str:
+def docked_count(sample: Sample) -> str:
     """Return how many trials docked."""
     return f"{sample.successes} of {len(sample.trials)}"
 
@@ -107,7 +107,7 @@ def grade_cells(sample: GradeSample, found: Sequence[Contribution], all_graded: 
     rms = NONE if sample.lateral_rms_mm is None else f"{sample.lateral_rms_mm:.2f}"
     return [
         sample.grade,
-        counted(sample),
+        docked_count(sample),
         interval(sample.docked),
         median_and_95(sample.lateral_mm),
         median_and_95(sample.yaw_deg),
@@ -167,14 +167,15 @@ def findings(study: ToleranceStudy, found: Sequence[Contribution]) -> list[str]:
     said = []
     if study.drawn.docked.rate < REQUIRED:
         said.append(
-            f"Without any effect only {counted(study.drawn)} trials docked, so that no size of any holds."
+            f"Without any effect only {docked_count(study.drawn)} trials docked, "
+            "so that no size of any holds."
         )
     for sample in study.grades:
         if sample.grade == "careful":
             p95 = sample.lateral_mm.p95
             error = "" if p95 is None else f", with a lateral error at contact of {p95:.2f} mm in 95 %"
             said.append(
-                f"With everything built by the grade careful {counted(sample)} trials docked"
+                f"With everything built by the grade careful {docked_count(sample)} trials docked"
                 f" ({interval(sample.docked)}){error}."
             )
     if not study.all_graded:
