@@ -144,7 +144,7 @@ def reproduce_bullet(
         trials: dict[str, tuple[MeasuredTrial, ...]] = {}
         for label in experiment.docking:
             counter = TrialCounter(on_progress, forecast, experiment.name, label, len(seeds))
-            trials[label] = run_trials(experiment.load(label), seeds, folder, jobs, counter)
+            trials[label] = run_or_fetch_trials(experiment.load(label), seeds, folder, jobs, counter)
         seconds_by_name[experiment.name] = round(time.perf_counter() - began, 2)
         tables += [
             Table(
@@ -169,7 +169,7 @@ def _relative_duration(experiment: Experiment) -> float:
     return 3.0 if "long" in experiment.phases else 1.0
 
 
-def run_trials(
+def run_or_fetch_trials(
     scene: Scene, seeds: range, folder: Path, jobs: int, counter: TrialCounter
 ) -> tuple[MeasuredTrial, ...]:
     """Run or fetch a measured trial for each seed, in order.
