@@ -15,7 +15,7 @@ from msrr_bullet.studies.settings import PAPER_TRAJECTORY, Setting, merge_params
 from msrr_control.docking.controller import LawController, build_controller
 from msrr_control.docking.corrected_law import CorrectedLawState
 from msrr_control.docking.law import DockingLaw, DockSetup
-from msrr_control.studies.docking_study import StudyResult, run_study
+from msrr_control.studies.docking_study import StudyResult, run_docking_study
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.guarded import unguarded
@@ -73,7 +73,7 @@ def run_docking(
     law = docking_law(controller, setup)
     rng = stream(seeds.start, f"study/close/{setting.limits}")
     starts, wrong = setting.docking_starts, setting.disturbance
-    return run_study(law, setup, rng, len(seeds), starts, wrong, duration_s, observer)
+    return run_docking_study(law, setup, rng, len(seeds), starts, wrong, duration_s, observer)
 
 
 def docking_row(controller: Choice, label: str, setting: Setting, seeds: range) -> Row:
@@ -110,7 +110,7 @@ def docking_series(controller: Choice, setting: Setting, seed: int) -> Series:
     setup = setting.dock_setup()
     states: list[Any] = []
 
-    result = run_study(
+    result = run_docking_study(
         docking_law(with_paper_trajectory(controller), setup),
         setup,
         stream(seed, "panel/close"),

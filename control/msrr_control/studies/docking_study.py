@@ -138,7 +138,7 @@ def draw_starts(starts: StartSet, trials: int, setup: DockSetup, rng: np.random.
     return np.concatenate(kept)
 
 
-def run_study(
+def run_docking_study(
     law: DockingLaw[State],
     setup: DockSetup,
     rng: np.random.Generator,

@@ -9,7 +9,7 @@ from msrr_control.docking.law import DockSetup, LawInputs
 from msrr_control.feedback.visibility_cone import edge_angles
 from msrr_control.kinematics.motion_history import MotionHistory
 from msrr_control.studies.disturbance import Disturbance
-from msrr_control.studies.docking_study import StartSet, run_study
+from msrr_control.studies.docking_study import StartSet, run_docking_study
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.spec import Spread
 
@@ -18,10 +18,12 @@ WILD = StartSet(spread=Spread(x_m=0.05, y_m=0.25, yaw_deg=30.0))
 
 def test_the_target_stays_in_the_cone_where_the_papers_law_loses_it(tight: DockSetup) -> None:
     """Starts up to 25 cm and 30 deg under TIGHT limits: all of 300 kept; the correction keeps about 70 %."""
-    result = run_study(BarrierLaw(BarrierParams(), tight), tight, np.random.default_rng(2), 300, WILD)
+    result = run_docking_study(BarrierLaw(BarrierParams(), tight), tight, np.random.default_rng(2), 300, WILD)
     assert result.at_face.all()
     assert result.in_cone(tight.los.outer).all()
-    paper = run_study(C1DockingLaw(C1DockingParams(), tight), tight, np.random.default_rng(2), 300, WILD)
+    paper = run_docking_study(
+        C1DockingLaw(C1DockingParams(), tight), tight, np.random.default_rng(2), 300, WILD
+    )
     assert paper.in_cone(tight.los.outer).mean() < 0.85
 
 
@@ -33,7 +35,7 @@ def test_the_target_stays_in_the_cone_when_its_image_is_late(tight: DockSetup) -
     law = BarrierLaw(BarrierParams(), tight)
     for delay_s in (0.1, 0.2):
         late = Disturbance(delay_s=delay_s, compensated=False)
-        result = run_study(law, tight, np.random.default_rng(2), 300, WILD, late)
+        result = run_docking_study(law, tight, np.random.default_rng(2), 300, WILD, late)
         assert result.at_face.all()
         assert result.in_cone(tight.los.outer).all()
 

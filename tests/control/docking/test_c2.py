@@ -11,7 +11,7 @@ from msrr_control.docking.law import DockSetup, LawInputs
 from msrr_control.feedback.composite import CompositeGains
 from msrr_control.feedback.sliding import SlidingGains
 from msrr_control.studies.disturbance import Disturbance
-from msrr_control.studies.docking_study import run_study
+from msrr_control.studies.docking_study import run_docking_study
 
 PAPER = GuidanceSpec(contact_mps=0.11, overrun_m=0.08, lag_m=10.0, corridor_m=10.0)
 
@@ -31,7 +31,7 @@ def test_high_gain_and_delay_separate_c1_from_c2_and_gentle_gains_do_not(facts: 
     wrong = Disturbance(sigma_xy_m=0.005, sigma_yaw_deg=1.0, delay_s=0.1, slip=0.02, compensated=False)
 
     def lateral(law: C1DockingLaw | C2DockingLaw) -> float:
-        result = run_study(law, facts, np.random.default_rng(3), 60, disturbance=wrong, duration=8.5)
+        result = run_docking_study(law, facts, np.random.default_rng(3), 60, disturbance=wrong, duration=8.5)
         assert result.at_face.all()
         return float(np.median(np.abs(result.at_contact()[0])))
 
@@ -56,7 +56,7 @@ def test_anti_windup_is_what_c2_lacks(facts: DockSetup) -> None:
     for anti_windup in (False, True):
         params = C2DockingParams(feedback=SlidingGains(k_per_s=6.0), guidance=PAPER, anti_windup=anti_windup)
         law = C2DockingLaw(params, facts)
-        result = run_study(law, facts, np.random.default_rng(3), 60, disturbance=wrong, duration=8.5)
+        result = run_docking_study(law, facts, np.random.default_rng(3), 60, disturbance=wrong, duration=8.5)
         lateral.append(float(np.median(np.abs(result.at_contact()[0]))))
     assert lateral[0] > 0.013
     assert lateral[1] < 0.006

@@ -12,7 +12,7 @@ from msrr_control.docking.controller import CONTROLLERS, LawController
 from msrr_control.docking.graceful import GracefulLaw, GracefulParams
 from msrr_control.docking.law import DockingLaw, DockSetup, LawInputs
 from msrr_control.studies.disturbance import Disturbance
-from msrr_control.studies.docking_study import CLOSE, run_study
+from msrr_control.studies.docking_study import CLOSE, run_docking_study
 from msrr_scenes.errors import SceneError
 from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.scene import Scene
@@ -99,7 +99,7 @@ def test_a_batch_equals_its_trials_one_by_one(law: DockingLaw) -> None:
 def test_noisy_starts_dock_within_the_capture_of_the_funnel(law: DockingLaw) -> None:
     """13 mm and 8 deg is what the mechanism centres; 300 trials at 5 mm, 1 deg, 50 ms."""
     noise = Disturbance(sigma_xy_m=0.005, sigma_yaw_deg=1.0, sigma_bearing_deg=0.1, delay_s=0.05)
-    result = run_study(law, FACTS, np.random.default_rng(3), 300, CLOSE, noise)
+    result = run_docking_study(law, FACTS, np.random.default_rng(3), 300, CLOSE, noise)
     lateral, yaw = result.at_contact()
     assert result.at_face.all()
     assert np.abs(lateral).max() < 0.010

@@ -12,7 +12,7 @@ from msrr_control.docking.guidance import GuidanceSpec
 from msrr_control.docking.law import DockSetup
 from msrr_control.feedback.visibility_cone import edge_angles
 from msrr_control.studies.disturbance import Disturbance
-from msrr_control.studies.docking_study import CLOSE, CLOSE_HARD, StudyResult, draw_starts, run_study
+from msrr_control.studies.docking_study import CLOSE, CLOSE_HARD, StudyResult, draw_starts, run_docking_study
 from msrr_scenes.errors import ProgramFailedError
 
 #: The trajectory of the paper: no slowing down before contact, its end beyond it.
@@ -21,7 +21,7 @@ NOISE = Disturbance(sigma_xy_m=0.005, sigma_yaw_deg=1.0, delay_s=0.05)
 
 
 def _study(facts: DockSetup, params: C1DockingParams, **more) -> StudyResult:
-    return run_study(C1DockingLaw(params, facts), facts, np.random.default_rng(1), **more)
+    return run_docking_study(C1DockingLaw(params, facts), facts, np.random.default_rng(1), **more)
 
 
 def test_ideal_starts(facts: DockSetup) -> None:
@@ -110,4 +110,4 @@ def test_a_law_that_breaks_the_rules_gives_no_figures(facts: DockSetup, way: str
     law = _Broken(STEADY, facts)
     law.way = way
     with pytest.raises((ProgramFailedError, ValueError), match=says):
-        run_study(law, facts, np.random.default_rng(1))
+        run_docking_study(law, facts, np.random.default_rng(1))
