@@ -23,9 +23,9 @@ from msrr_control.staging.registry import build_assembler
 from msrr_control.staging.setup import AssemblySetup
 from msrr_perception.detection.detector import scene_detector
 from msrr_perception.detection.onboard_vision import FULL_FRAME_PERIOD, OnboardVision
+from msrr_perception.estimation.calibration_memory import CalibrationMemory
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.estimator import ESTIMATORS, Estimator
-from msrr_perception.estimation.knowledge import CalibrationMemory
 from msrr_perception.estimation.los import LosEstimator
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.messages import (

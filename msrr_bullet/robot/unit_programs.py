@@ -12,7 +12,7 @@ from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_control.staging.registry import build_guided
 from msrr_control.staging.setup import AssemblySetup
-from msrr_perception.estimation.knowledge import CalibrationMemory
+from msrr_perception.estimation.calibration_memory import CalibrationMemory
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene

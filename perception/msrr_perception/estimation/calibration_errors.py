@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_perception.estimation.knowledge import Knowledge
+from msrr_perception.estimation.calibration_memory import CalibrationEstimate
 from msrr_perception.pose.calibration import Quantity, StateLayout
 
 #: Number of standard deviations from which a tolerance does not allow an error. One of the 39 errors of a
@@ -42,7 +42,7 @@ class EstimatedCalibrationError:
 
 
 def calibration_errors(
-    layout: StateLayout, drawn: Knowledge, learned: Knowledge
+    layout: StateLayout, drawn: CalibrationEstimate, learned: CalibrationEstimate
 ) -> tuple[EstimatedCalibrationError, ...]:
     """Return what is known of every error of calibration that has a name.
 

@@ -15,11 +15,11 @@ from dataclasses import replace
 import numpy as np
 
 from msrr_perception.estimation.calibration_errors import EstimatedCalibrationError, calibration_errors
+from msrr_perception.estimation.calibration_memory import CalibrationEstimate
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.dock_frame import in_seat
 from msrr_perception.estimation.filter_step import FilterStep
 from msrr_perception.estimation.hypotheses import mixed
-from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.measurement_history import Measurement, MeasurementHistory
 from msrr_perception.estimation.motion import DriveMotion, FilterState
 from msrr_perception.estimation.motion_noise import DEFAULT_NOISE, MotionNoise
@@ -214,15 +214,15 @@ class CornerEkf:
         return ExposureCounts() if state is None else state.exposures
 
     @property
-    def drawn(self) -> Knowledge:
+    def drawn(self) -> CalibrationEstimate:
         """What the drawing and its tolerances say of the errors of calibration."""
         return self._motion.drawn
 
-    def recall(self, knowledge: Knowledge) -> None:
+    def recall(self, estimate: CalibrationEstimate) -> None:
         """Start from what was learned earlier, instead of from the drawing alone."""
-        self._step.known = knowledge
+        self._step.known = estimate
 
-    def learned(self, seated: bool) -> Knowledge | None:
+    def learned(self, seated: bool) -> CalibrationEstimate | None:
         """Return what is known of the errors of calibration; None while nothing was seen.
 
         Args:
@@ -234,7 +234,9 @@ class CornerEkf:
             return None
         if seated:
             state = in_seat(self.target, state)
-        return Knowledge(state.mean[POSE_SIZE:], state.covariance[POSE_SIZE:, POSE_SIZE:], self.drawn.shared)
+        return CalibrationEstimate(
+            state.mean[POSE_SIZE:], state.covariance[POSE_SIZE:, POSE_SIZE:], self.drawn.shared
+        )
 
     def calibration_errors(self) -> tuple[EstimatedCalibrationError, ...]:
         """Return what is known of every error of calibration that has a name; none while nothing was seen."""

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from msrr_perception.estimation.calibration_memory import CalibrationEstimate
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.estimation.clock_parts import by_parts, in_doubt
 from msrr_perception.estimation.first_fit import FirstFit, StartingState
-from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.measurement_history import Measurement
 from msrr_perception.estimation.motion import FilterState
 from msrr_perception.kernels.calibrated import EDGE
@@ -69,7 +69,7 @@ class CornerUpdate:
         self._inflation = start_inflation
         self._first = FirstFit(target, self._sheet, noise, start_inflation)
 
-    def start(self, measurement: Measurement, known: Knowledge) -> list[StartingState]:
+    def start(self, measurement: Measurement, known: CalibrationEstimate) -> list[StartingState]:
         """Return first states by one measurement and by what is known of drive and calibration, best first.
 
         There are more than one where it allows more than one pose, and none where it determines none.
@@ -98,7 +98,7 @@ class CornerUpdate:
     def _of_target(self, detections: Detections) -> list[TagDetection]:
         return [t for t in detections.tags if t.tag_id in self._target.corners_D]
 
-    def _start_by_pose(self, measurement: PoseMeasurement, known: Knowledge) -> StartingState:
+    def _start_by_pose(self, measurement: PoseMeasurement, known: CalibrationEstimate) -> StartingState:
         """Return a first state from a measured pose."""
         pose = pose_vector(measurement.X_DU)
         by_errors = self._of_pose(self._at(pose), AT_REST)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from msrr_perception.estimation.calibration_memory import CalibrationEstimate
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.hypotheses import likeliest
-from msrr_perception.estimation.knowledge import Knowledge
 from msrr_perception.estimation.measurement_history import Measurement
 from msrr_perception.estimation.motion import DriveMotion, FilterState
 from msrr_perception.estimation.wheel_doubt import doubts_wheels
@@ -39,7 +39,7 @@ class FilterStep:
         """
         self._motion, self._update, self._wheels = motion, update, wheels
         self._reset_after = reset_after
-        self.known: Knowledge = motion.drawn
+        self.known: CalibrationEstimate = motion.drawn
 
     def take(self, before: FilterState | None, measurement: Measurement) -> FilterState | None:
         """Return the state after a measurement; None before one has told where the unit is."""

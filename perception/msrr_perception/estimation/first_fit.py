@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msrr_perception.estimation.knowledge import Knowledge
+from msrr_perception.estimation.calibration_memory import CalibrationEstimate
 from msrr_perception.kernels.corners import Seen, roots_of_covariance
 from msrr_perception.kernels.rates import AT_REST
 from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
@@ -65,7 +65,7 @@ class FirstFit:
         self._target, self._layout = target, target.filter_layout
         self._sheet, self._noise, self._inflation = sheet, noise, inflation
 
-    def states(self, tags: Sequence[TagDetection], known: Knowledge) -> list[StartingState]:
+    def states(self, tags: Sequence[TagDetection], known: CalibrationEstimate) -> list[StartingState]:
         """Return first states, best first; none if the tags determine none, or do not agree.
 
         Of three tags or more the one that disagrees is left out; of two that disagree neither can be trusted.
@@ -82,7 +82,7 @@ class FirstFit:
             found = min(fitted, key=lambda fit: fit.states[0].cost, default=None)
         return [] if found is None else found.states
 
-    def _fit(self, tags: Sequence[TagDetection], known: Knowledge) -> _Found | None:
+    def _fit(self, tags: Sequence[TagDetection], known: CalibrationEstimate) -> _Found | None:
         """Return what a fit to some tags found; None if they determine nothing."""
         joint = joint_fits(self._target, tags, self._noise)
         if not joint:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from msrr_perception.estimation.knowledge import Knowledge
+from msrr_perception.estimation.calibration_memory import CalibrationEstimate
 from msrr_perception.estimation.motion_noise import MotionNoise
 from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
 from msrr_perception.kernels.dock_frame import predict
@@ -102,7 +102,7 @@ class DriveMotion:
         sigmas = np.concatenate([wheels, layout.prior])
         covariance = np.diag(sigmas**2)
         covariance[:DRIVE_SIZE, :DRIVE_SIZE] += noise.strain**2
-        self.drawn = Knowledge(np.zeros(len(sigmas)), covariance, layout.own - POSE_SIZE)
+        self.drawn = CalibrationEstimate(np.zeros(len(sigmas)), covariance, layout.own - POSE_SIZE)
         # Two readings, each rounded to a tick.
         self._rounding = 2.0 * (2.0 * math.pi / odometry.ticks_per_turn * target.wheel_radius) ** 2 / 12.0
         self._play = 3.0 * target.tolerances.backlash

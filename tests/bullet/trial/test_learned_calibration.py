@@ -10,8 +10,8 @@ import pytest
 
 from msrr_bullet.log import MemoryRecorder
 from msrr_bullet.trial.trial import Trial
+from msrr_perception.estimation.calibration_memory import CalibrationEstimate, CalibrationMemory
 from msrr_perception.estimation.corner_filter import CornerEkf
-from msrr_perception.estimation.knowledge import CalibrationMemory, Knowledge
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
@@ -64,8 +64,8 @@ def test_units_that_a_base_station_leads_do_not_calibrate(tmp_path: Path) -> Non
 
 def test_a_seat_teaches_a_unit_without_pixels_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
     """How the marker is turned to the port: poses, measured however often, tell nothing of it."""
-    kept: dict[str, Knowledge] = {}
-    monkeypatch.setattr(CalibrationMemory, "keep", lambda _, port, knowledge: kept.update({port: knowledge}))
+    kept: dict[str, CalibrationEstimate] = {}
+    monkeypatch.setattr(CalibrationMemory, "keep", lambda _, port, estimate: kept.update({port: estimate}))
     blind = {"plant": "unicycle", "perception": "parametric", "radio": "{}"}
     scene = load_scene("dock_again", {**blind, "plan": "[{unit: a, to: b.rear}]"})
     assert Trial(scene, 0).run().outcome is Outcome.COMPLETE

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from msrr_perception.estimation.calibration_memory import CalibrationEstimate, CalibrationMemory
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.dock_frame import pose_in_D
-from msrr_perception.estimation.knowledge import CalibrationMemory, Knowledge
 from msrr_perception.estimation.motion import FilterState
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
@@ -77,7 +77,7 @@ def test_what_is_learned_of_the_unit_holds_at_another_port(careful: Scene) -> No
     drawn = CornerEkf(_target(careful), careful.odometry).drawn
     rng = np.random.default_rng(0)
     A = rng.normal(size=drawn.covariance.shape)
-    learned = Knowledge(rng.normal(size=len(drawn.mean)), A @ A.T, drawn.shared)
+    learned = CalibrationEstimate(rng.normal(size=len(drawn.mean)), A @ A.T, drawn.shared)
     memory = CalibrationMemory()
     assert memory.recall("b.rear", drawn) is drawn
     memory.keep("b.rear", learned)
@@ -153,7 +153,7 @@ def test_errors_of_the_encoders_are_left_out_of_those_of_the_drive(careful: Scen
     ekf = CornerEkf(target, careful.odometry)
     mean = np.array(ekf.drawn.mean)
     mean[:3] = 0.004, -0.002, 0.003
-    ekf.recall(Knowledge(mean, ekf.drawn.covariance, ekf.drawn.shared))
+    ekf.recall(CalibrationEstimate(mean, ekf.drawn.covariance, ekf.drawn.shared))
     of_encoder = careful.odometry.scale_error**2
     left, right, _ = np.square(target.tolerances.wheels)
     shares = left / (left + of_encoder), right / (right + of_encoder), 1.0  # encoders tell nothing of a track

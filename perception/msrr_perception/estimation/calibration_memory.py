@@ -11,8 +11,8 @@ from msrr_scenes.arrays import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Knowledge:
-    """A belief about everything in the state of a filter but the pose.
+class CalibrationEstimate:
+    """An estimate of everything in the state of a filter but the pose.
 
     Attributes:
         mean: Means, shape (m,): relative errors of wheel radii and track, then the errors of calibration.
@@ -24,16 +24,16 @@ class Knowledge:
     covariance: Array
     shared: NDArray[np.int64]
 
-    def of_another_target(self, drawn: Knowledge) -> Knowledge:
+    def of_another_target(self, drawn: CalibrationEstimate) -> CalibrationEstimate:
         """Return what is left for a target of which nothing is known but its drawing.
 
         Args:
-            drawn: Belief about that target from the drawing alone.
+            drawn: Estimate for that target from the drawing alone.
         """
         mean, covariance = drawn.mean.copy(), drawn.covariance.copy()
         mean[drawn.shared] = self.mean[self.shared]
         covariance[np.ix_(drawn.shared, drawn.shared)] = self.covariance[np.ix_(self.shared, self.shared)]
-        return Knowledge(mean, covariance, drawn.shared)
+        return CalibrationEstimate(mean, covariance, drawn.shared)
 
 
 class CalibrationMemory:
@@ -41,14 +41,14 @@ class CalibrationMemory:
 
     def __init__(self) -> None:
         """Begin with the drawing alone."""
-        self._ports: dict[str, Knowledge] = {}
-        self._newest: Knowledge | None = None
+        self._ports: dict[str, CalibrationEstimate] = {}
+        self._newest: CalibrationEstimate | None = None
 
-    def keep(self, port: str, knowledge: Knowledge) -> None:
+    def keep(self, port: str, estimate: CalibrationEstimate) -> None:
         """Keep what was learned at a port ``<unit>.<port>``."""
-        self._ports[port] = self._newest = knowledge
+        self._ports[port] = self._newest = estimate
 
-    def recall(self, port: str, drawn: Knowledge) -> Knowledge:
+    def recall(self, port: str, drawn: CalibrationEstimate) -> CalibrationEstimate:
         """Return what is known at a port.
 
         What was learned of the unit itself at another port later on is not combined with what this port
@@ -56,7 +56,7 @@ class CalibrationMemory:
 
         Args:
             port: The port, ``<unit>.<port>``.
-            drawn: Belief from the drawing alone.
+            drawn: Estimate from the drawing alone.
         """
         known = self._ports.get(port)
         if known is not None:
