@@ -118,7 +118,7 @@ class Autonomy:
         )
         self._memory, self._port = memory, step.to
         if memory is not None and isinstance(self._estimator, CornerEkf):
-            self._estimator.recall(memory.recall(step.to, self._estimator.drawn))
+            self._estimator.recall(memory.recall(step.to, self._estimator.prior))
         frames_only = scene.cameras.onboard.readout == "frames"  # then windows save nothing
         self._vision = OnboardVision(target, detector, full_every=1 if frames_only else FULL_FRAME_PERIOD)
         self._los_estimator = LosEstimator(target)

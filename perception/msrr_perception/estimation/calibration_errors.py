@@ -42,16 +42,16 @@ class EstimatedCalibrationError:
 
 
 def calibration_errors(
-    layout: StateLayout, drawn: CalibrationEstimate, learned: CalibrationEstimate
+    layout: StateLayout, prior: CalibrationEstimate, learned: CalibrationEstimate
 ) -> tuple[EstimatedCalibrationError, ...]:
     """Return what is known of every error of calibration that has a name.
 
     Args:
         layout: Layout of the state of the filter.
-        drawn: What the drawing says.
+        prior: What the drawing says.
         learned: What the filter has learned.
     """
-    tolerances, sigmas = (np.sqrt(np.diag(known.covariance)).tolist() for known in (drawn, learned))
+    tolerances, sigmas = (np.sqrt(np.diag(known.covariance)).tolist() for known in (prior, learned))
     found, known = (
         list[EstimatedCalibrationError](),
         zip(tolerances, learned.mean.tolist(), sigmas, strict=True),

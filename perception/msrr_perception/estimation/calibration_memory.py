@@ -24,16 +24,16 @@ class CalibrationEstimate:
     covariance: Array
     shared: NDArray[np.int64]
 
-    def of_another_target(self, drawn: CalibrationEstimate) -> CalibrationEstimate:
+    def of_another_target(self, prior: CalibrationEstimate) -> CalibrationEstimate:
         """Return what is left for a target of which nothing is known but its drawing.
 
         Args:
-            drawn: Estimate for that target from the drawing alone.
+            prior: Estimate for that target from the drawing alone.
         """
-        mean, covariance = drawn.mean.copy(), drawn.covariance.copy()
-        mean[drawn.shared] = self.mean[self.shared]
-        covariance[np.ix_(drawn.shared, drawn.shared)] = self.covariance[np.ix_(self.shared, self.shared)]
-        return CalibrationEstimate(mean, covariance, drawn.shared)
+        mean, covariance = prior.mean.copy(), prior.covariance.copy()
+        mean[prior.shared] = self.mean[self.shared]
+        covariance[np.ix_(prior.shared, prior.shared)] = self.covariance[np.ix_(self.shared, self.shared)]
+        return CalibrationEstimate(mean, covariance, prior.shared)
 
 
 class CalibrationMemory:
@@ -48,7 +48,7 @@ class CalibrationMemory:
         """Keep what was learned at a port ``<unit>.<port>``."""
         self._ports[port] = self._newest = estimate
 
-    def recall(self, port: str, drawn: CalibrationEstimate) -> CalibrationEstimate:
+    def recall(self, port: str, prior: CalibrationEstimate) -> CalibrationEstimate:
         """Return what is known at a port.
 
         What was learned of the unit itself at another port later on is not combined with what this port
@@ -56,9 +56,9 @@ class CalibrationMemory:
 
         Args:
             port: The port, ``<unit>.<port>``.
-            drawn: Estimate from the drawing alone.
+            prior: Estimate from the drawing alone.
         """
         known = self._ports.get(port)
         if known is not None:
             return known
-        return drawn if self._newest is None else self._newest.of_another_target(drawn)
+        return prior if self._newest is None else self._newest.of_another_target(prior)

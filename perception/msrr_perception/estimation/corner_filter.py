@@ -214,9 +214,9 @@ class CornerEkf:
         return ExposureCounts() if state is None else state.exposures
 
     @property
-    def drawn(self) -> CalibrationEstimate:
+    def prior(self) -> CalibrationEstimate:
         """What the drawing and its tolerances say of the errors of calibration."""
-        return self._motion.drawn
+        return self._motion.prior
 
     def recall(self, estimate: CalibrationEstimate) -> None:
         """Start from what was learned earlier, instead of from the drawing alone."""
@@ -235,13 +235,13 @@ class CornerEkf:
         if seated:
             state = in_seat(self.target, state)
         return CalibrationEstimate(
-            state.mean[POSE_SIZE:], state.covariance[POSE_SIZE:, POSE_SIZE:], self.drawn.shared
+            state.mean[POSE_SIZE:], state.covariance[POSE_SIZE:, POSE_SIZE:], self.prior.shared
         )
 
     def calibration_errors(self) -> tuple[EstimatedCalibrationError, ...]:
         """Return what is known of every error of calibration that has a name; none while nothing was seen."""
         learned = self.learned(seated=False)
-        return () if learned is None else calibration_errors(self.target.filter_layout, self.drawn, learned)
+        return () if learned is None else calibration_errors(self.target.filter_layout, self.prior, learned)
 
     def _advance_head(self, base: FilterState, stamp_ns: int) -> FilterState:
         """Return the state at the newest reading before ``stamp_ns``, cached to do no step twice."""

@@ -39,7 +39,7 @@ class FilterStep:
         """
         self._motion, self._update, self._wheels = motion, update, wheels
         self._reset_after = reset_after
-        self.known: CalibrationEstimate = motion.drawn
+        self.known: CalibrationEstimate = motion.prior
 
     def take(self, before: FilterState | None, measurement: Measurement) -> FilterState | None:
         """Return the state after a measurement; None before one has told where the unit is."""

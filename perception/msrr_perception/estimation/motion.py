@@ -82,7 +82,7 @@ class DriveMotion:
     The radius errors of the wheels are constant through a trial, so they are states and not white noise.
 
     Attributes:
-        drawn: What the drawing and its tolerances say of everything in a state but the pose.
+        prior: What the drawing and its tolerances say of everything in a state but the pose.
         in_motion: Share of the errors of both radii and of the track, as the state has them, that act on the
             motion and not on the readings alone.
         learns_clock: Whether the time by which the clock of the camera is ahead is in the state.
@@ -102,7 +102,7 @@ class DriveMotion:
         sigmas = np.concatenate([wheels, layout.prior])
         covariance = np.diag(sigmas**2)
         covariance[:DRIVE_SIZE, :DRIVE_SIZE] += noise.strain**2
-        self.drawn = CalibrationEstimate(np.zeros(len(sigmas)), covariance, layout.own - POSE_SIZE)
+        self.prior = CalibrationEstimate(np.zeros(len(sigmas)), covariance, layout.own - POSE_SIZE)
         # Two readings, each rounded to a tick.
         self._rounding = 2.0 * (2.0 * math.pi / odometry.ticks_per_turn * target.wheel_radius) ** 2 / 12.0
         self._play = 3.0 * target.tolerances.backlash

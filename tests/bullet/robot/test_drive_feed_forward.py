@@ -32,7 +32,7 @@ def test_errors_of_the_readings_alone_change_no_command() -> None:
     scene = load_scene("close_range", {"as_built": "perfect", "odometry.scale_error": "0.05"})
     target = TargetModel.from_scene(scene.told(), scene.docks[0])
     estimator = CornerEkf(target, scene.odometry)
-    known = estimator.drawn
+    known = estimator.prior
     known.mean[:3] = [0.05, -0.05, 0.0]
     estimator.recall(known)
     assert estimator.drive_errors() == (0.0, 0.0, 0.0)

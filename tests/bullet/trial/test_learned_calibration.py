@@ -69,7 +69,7 @@ def test_a_seat_teaches_a_unit_without_pixels_as_well(monkeypatch: pytest.Monkey
     blind = {"plant": "unicycle", "perception": "parametric", "radio": "{}"}
     scene = load_scene("dock_again", {**blind, "plan": "[{unit: a, to: b.rear}]"})
     assert Trial(scene, 0).run().outcome is Outcome.COMPLETE
-    drawn = CornerEkf(TargetModel.from_scene(scene, scene.docks[0]), scene.odometry).drawn
-    sigmas = [np.sqrt(known.covariance[-1, -1]) for known in (kept.pop("b.rear"), drawn)]
+    prior = CornerEkf(TargetModel.from_scene(scene, scene.docks[0]), scene.odometry).prior
+    sigmas = [np.sqrt(known.covariance[-1, -1]) for known in (kept.pop("b.rear"), prior)]
     assert sigmas[0] < 0.9 * sigmas[1]
     assert not kept

@@ -74,18 +74,18 @@ def test_a_seat_with_more_play_says_less_of_the_side(careful: Scene, see: See) -
 
 
 def test_what_is_learned_of_the_unit_holds_at_another_port(careful: Scene) -> None:
-    drawn = CornerEkf(_target(careful), careful.odometry).drawn
+    prior = CornerEkf(_target(careful), careful.odometry).prior
     rng = np.random.default_rng(0)
-    A = rng.normal(size=drawn.covariance.shape)
-    learned = CalibrationEstimate(rng.normal(size=len(drawn.mean)), A @ A.T, drawn.shared)
+    A = rng.normal(size=prior.covariance.shape)
+    learned = CalibrationEstimate(rng.normal(size=len(prior.mean)), A @ A.T, prior.shared)
     memory = CalibrationMemory()
-    assert memory.recall("b.rear", drawn) is drawn
+    assert memory.recall("b.rear", prior) is prior
     memory.keep("b.rear", learned)
-    assert memory.recall("b.rear", drawn) is learned
-    other = memory.recall("c.left", drawn)
-    own, theirs = drawn.shared, np.setdiff1d(np.arange(len(drawn.mean)), drawn.shared)
+    assert memory.recall("b.rear", prior) is learned
+    other = memory.recall("c.left", prior)
+    own, theirs = prior.shared, np.setdiff1d(np.arange(len(prior.mean)), prior.shared)
     np.testing.assert_array_equal(other.mean[own], learned.mean[own])
-    np.testing.assert_array_equal(other.mean[theirs], drawn.mean[theirs])
+    np.testing.assert_array_equal(other.mean[theirs], prior.mean[theirs])
     np.testing.assert_array_equal(other.covariance[np.ix_(own, own)], learned.covariance[np.ix_(own, own)])
     assert not other.covariance[np.ix_(own, theirs)].any()
     assert np.linalg.eigvalsh(other.covariance)[0] > 0.0
@@ -151,9 +151,9 @@ def test_errors_of_the_encoders_are_left_out_of_those_of_the_drive(careful: Scen
     """What was learned of a radius is split by the variances of both: a drawing's and an encoder's."""
     target = _target(careful)
     ekf = CornerEkf(target, careful.odometry)
-    mean = np.array(ekf.drawn.mean)
+    mean = np.array(ekf.prior.mean)
     mean[:3] = 0.004, -0.002, 0.003
-    ekf.recall(CalibrationEstimate(mean, ekf.drawn.covariance, ekf.drawn.shared))
+    ekf.recall(CalibrationEstimate(mean, ekf.prior.covariance, ekf.prior.shared))
     of_encoder = careful.odometry.scale_error**2
     left, right, _ = np.square(target.tolerances.wheels)
     shares = left / (left + of_encoder), right / (right + of_encoder), 1.0  # encoders tell nothing of a track

@@ -31,9 +31,9 @@ def _wheels(left: np.ndarray, right: np.ndarray) -> WheelHistory:
 
 
 def _start(motion: DriveMotion, pose: SE2, history: WheelHistory) -> FilterState:
-    drawn = motion.drawn
-    mean = np.concatenate([[pose.x, pose.y, pose.yaw, 0.0, 0.0], drawn.mean])
-    P = block_diag(np.diag([1e-6, 1e-6, 1e-6, 1e-5, 1e-5]), drawn.covariance)
+    prior = motion.prior
+    mean = np.concatenate([[pose.x, pose.y, pose.yaw, 0.0, 0.0], prior.mean])
+    P = block_diag(np.diag([1e-6, 1e-6, 1e-6, 1e-5, 1e-5]), prior.covariance)
     return FilterState(0, mean, P, history.angles_at(0), 0)
 
 
