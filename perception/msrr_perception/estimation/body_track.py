@@ -137,23 +137,24 @@ class Sightings:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
-    """The place at which a body was seen, and how often in a row.
+class StandstillDetector:
+    """Tells whether a body stands, by how often in a row it was seen at one place.
 
     Attributes:
-        first: First measurement there.
+        first: First measurement at the place at which it was seen last.
         times: Number of measurements there in a row.
     """
 
     first: SeenPose
     times: int = 1
 
-    def after(self, seen: SeenPose) -> Place:
-        """Return the place after the next measurement: the same, seen once more, or a new one."""
-        return Place(self.first, self.times + 1) if seen.is_at_place_of(self.first) else Place(seen)
+    def after(self, seen: SeenPose) -> StandstillDetector:
+        """Return the detector after the next measurement: of the same place once more, or of a new one."""
+        again = seen.is_at_place_of(self.first)
+        return StandstillDetector(self.first, self.times + 1) if again else StandstillDetector(seen)
 
     def shows_standing(self, last: SeenPose, noise: TrackNoise) -> bool:
-        """Return whether a body that was seen here, last by ``last``, stands.
+        """Return whether a body that was seen at that place, last by ``last``, stands.
 
         The less is known of where it is, the longer it takes until one that creeps would have left the place.
         """
@@ -172,7 +173,7 @@ class BodyTrack:
         covariance: Covariance of the state, shape (5, 5); without the lasting error while the body stands.
         seen: Last measurement inside the gate.
         motion: Whether the body stands or drives.
-        place: Place at which the body was seen last; told only while it drives.
+        standstill: Tells whether the body stands; it is given measurements only while the body drives.
         sightings: Number of measurements inside the gate.
         rejected: Number of measurements in a row outside the gate.
     """
@@ -181,7 +182,7 @@ class BodyTrack:
     covariance: Array
     seen: SeenPose
     motion: Motion
-    place: Place
+    standstill: StandstillDetector
     sightings: int = 1
     rejected: int = 0
 
@@ -190,14 +191,14 @@ class BodyTrack:
         """Return the track of a body that stands where it was measured."""
         P = np.zeros((5, 5))
         P[:3, :3] = seen.pose.covariance
-        return cls(_state(seen), P, seen, Motion.STANDS, Place(seen))
+        return cls(_state(seen), P, seen, Motion.STANDS, StandstillDetector(seen))
 
     @classmethod
     def at_any_speed(cls, seen: SeenPose, limits: LimitsSpec) -> BodyTrack:
         """Return the track of a body of which one measurement is known and nothing of its motion."""
         P = np.diag([0.0, 0.0, 0.0, (0.5 * limits.v_max_mps) ** 2, (0.5 * limits.w_max_radps) ** 2])
         P[:3, :3] = seen.pose.covariance
-        return cls(_state(seen), P, seen, Motion.DRIVES, Place(seen))
+        return cls(_state(seen), P, seen, Motion.DRIVES, StandstillDetector(seen))
 
     @cached_property
     def X_WB(self) -> SE2:
@@ -247,7 +248,7 @@ class BodyTrack:
             if self.rejected + 1 >= (noise.restart_after if known else 1):
                 return BodyTrack.at_any_speed(seen, noise.limits)
             return replace(self, rejected=self.rejected + 1)
-        if fused.motion is Motion.DRIVES and fused.place.shows_standing(seen, noise):
+        if fused.motion is Motion.DRIVES and fused.standstill.shows_standing(seen, noise):
             return replace(BodyTrack.at_rest(seen), sightings=fused.sightings)
         return fused
 
@@ -258,8 +259,9 @@ class BodyTrack:
         if distance > chi_squared_quantile(noise.gate_probability, 3):
             return None
         stands = motion is Motion.STANDS
-        place = self.place if stands else self.place.after(seen)
-        return BodyTrack(mean, P, seen, Motion.STANDS if stands else Motion.DRIVES, place, self.sightings + 1)
+        standstill = self.standstill if stands else self.standstill.after(seen)
+        kind = Motion.STANDS if stands else Motion.DRIVES
+        return BodyTrack(mean, P, seen, kind, standstill, self.sightings + 1)
 
     def _predicted(self, stamp_ns: int, noise: TrackNoise, motion: Motion) -> tuple[Array, Array]:
         """Return mean and covariance of the state at an instant, if the body moves so until then."""

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from msrr_perception.estimation.arena_tracker import ArenaTracker
-from msrr_perception.estimation.body_track import Place, SeenPose, Sightings
+from msrr_perception.estimation.body_track import SeenPose, Sightings, StandstillDetector
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.motion_noise import MotionNoise
 from msrr_perception.pose.overhead_model import OverheadModel
@@ -97,7 +97,7 @@ class GlobalEstimator:
         """Forget every pose, but not the encoder readings."""
         self._own.reset()
         self._others.reset()
-        self._own_place: Place | None = None
+        self._own_standstill: StandstillDetector | None = None
         self._own_seen: SeenPose | None = None
         self._located = False  # whether the unit has been seen, so that its pose is known
 
@@ -130,7 +130,8 @@ class GlobalEstimator:
             way = self._clock_s * self._own.velocity(pose.stamp_ns)
             covariance = covariance + way[:, None] * way
         self._own.add_pose(PoseMeasurement(exposure, pose.X_WB, covariance, (None, None)))
-        self._own_place = self._own_place.after(seen) if self._own_place else Place(seen)
+        standstill = self._own_standstill
+        self._own_standstill = standstill.after(seen) if standstill else StandstillDetector(seen)
         self._own_seen = seen
 
     def predict(self, stamp_ns: int) -> Mapping[str, GlobalPose]:
@@ -175,9 +176,9 @@ class GlobalEstimator:
         )
 
     def _own_pose(self, own: PoseEstimate) -> GlobalPose:
-        place, covariance = self._own_place, own.covariance
-        if place is not None and place.times >= self._others.noise.stands_after:
-            covariance = covariance + place.first.lasting
+        standstill, covariance = self._own_standstill, own.covariance
+        if standstill is not None and standstill.times >= self._others.noise.stands_after:
+            covariance = covariance + standstill.first.lasting
         assert self._own_seen is not None, "it has been seen"
         slip = self._clock_s * self._own.velocity(own.stamp_ns) if self._clock_s else None
         return self._own_seen.estimated(own.stamp_ns, own.X_DU, covariance, slip, learns_roof=True)
