@@ -20,7 +20,7 @@ from msrr_control.staging.setup import AssemblySetup
 from msrr_perception.detection.detector import scene_detector
 from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_perception.estimation.arena_tracker import ArenaTracker
-from msrr_perception.estimation.body_track import Sightings
+from msrr_perception.estimation.body_track import SeenPoses
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.problems import dotted
@@ -99,12 +99,12 @@ class BaseStation:
             )
         }
 
-    def see(self, message: Detections | GlobalPose) -> Sightings:
+    def see(self, message: Detections | GlobalPose) -> SeenPoses:
         """Process a message of the overhead camera; return what it shows, which is for all units."""
-        sightings = self._tracker.locate(message)
-        for seen in sightings.poses:
+        seen_poses = self._tracker.locate(message)
+        for seen in seen_poses.poses:
             self._tracker.add(seen)
-        return sightings
+        return seen_poses
 
     def hear(self, report: UnitReport, now_ns: int) -> None:
         """Process a report that arrives now."""

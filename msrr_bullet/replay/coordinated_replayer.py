@@ -80,9 +80,9 @@ class CoordinatedReplayer(Replayer):
             self._robot_of(record).robot.receive(message)
             return
         assert isinstance(message, Detections | GlobalPose)
-        sightings = self._base.see(message)
+        seen_poses = self._base.see(message)
         for robot in self._led.values():
-            robot.see(sightings)
+            robot.see(seen_poses)
 
     def _end(self, last: LogRecord) -> None:
         super()._end(last)

@@ -6,7 +6,7 @@ from msrr_bullet.base_station.base_station import BASE_STATION, BaseStation
 from msrr_bullet.log import topics
 from msrr_bullet.log.records import RadioReceipt
 from msrr_bullet.replay.recorded_robot import RecordedReader
-from msrr_perception.estimation.body_track import Sightings
+from msrr_perception.estimation.body_track import SeenPoses
 from msrr_scenes.messages import Detections, GlobalPose
 from msrr_scenes.messages.coordination import Authority, UnitReport
 
@@ -14,7 +14,7 @@ from msrr_scenes.messages.coordination import Authority, UnitReport
 class RecordedBaseStation(RecordedReader[BaseStation]):
     """A base station whose inputs and outputs are recorded."""
 
-    def see(self, message: Detections | GlobalPose) -> Sightings:
+    def see(self, message: Detections | GlobalPose) -> SeenPoses:
         """Record a message of the overhead camera as it arrives."""
         now_ns = self._now_ns()
         self._recorder.write(topics.sensor(BASE_STATION, message), now_ns, message)

@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.robot.guided_unit import GuidedUnit
 from msrr_bullet.robot.interface import LedRobot, ObservableRobot
-from msrr_perception.estimation.body_track import Sightings
+from msrr_perception.estimation.body_track import SeenPoses
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.messages import (
     Action,
@@ -131,10 +131,10 @@ class FailSafeLedRobot(FailSafeRobot[LedRobot]):
         """Whether the robot has something to do; one whose program has failed has to come to rest."""
         return self._robot is None or self._robot.active
 
-    def see(self, sightings: Sightings) -> None:
+    def see(self, seen_poses: SeenPoses) -> None:
         """Pass on what the base station has read from an overhead exposure."""
         if self._robot is not None:
-            self._robot.see(sightings)
+            self._robot.see(seen_poses)
 
     def authorise(self, authority: Authority) -> None:
         """Pass an authority on."""

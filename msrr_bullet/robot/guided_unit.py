@@ -11,7 +11,7 @@ from msrr_bullet.robot.route_program import RouteProgram
 from msrr_bullet.robot.unit_programs import UnitPrograms
 from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.staging.guided_assembler import GuidedAssembler
-from msrr_perception.estimation.body_track import Sightings
+from msrr_perception.estimation.body_track import SeenPoses
 from msrr_scenes.messages import (
     OVERHEAD,
     Action,
@@ -146,13 +146,13 @@ class GuidedUnit:
         if self._program is not None:
             self._program.receive(message)
 
-    def see(self, sightings: Sightings) -> None:
+    def see(self, seen_poses: SeenPoses) -> None:
         """Take in what the base station has read from an overhead exposure, on standby too.
 
         The base station looks at what stands once a second or two. Until then the collision monitor of a unit
         that sets off would know of nothing there.
         """
-        self._programs.overhead.see(sightings)
+        self._programs.overhead.see(seen_poses)
 
     def authorise(self, authority: Authority) -> None:
         """Process an authority that arrives now; one that is older than another has no effect."""

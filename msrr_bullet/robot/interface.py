@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from msrr_perception.estimation.body_track import Sightings
+from msrr_perception.estimation.body_track import SeenPoses
 from msrr_scenes.messages import (
     Action,
     ArenaEstimate,
@@ -112,7 +112,7 @@ class LedRobot(ObservableRobot, Protocol):
         """Whether the robot is on its way out of a port."""
         ...
 
-    def see(self, sightings: Sightings) -> None:
+    def see(self, seen_poses: SeenPoses) -> None:
         """Take in what the base station has read from an overhead exposure."""
         ...
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msrr_perception.detection.detector import Detector
 from msrr_perception.detection.overhead_vision import OverheadVision
-from msrr_perception.estimation.body_track import Sightings
+from msrr_perception.estimation.body_track import SeenPoses
 from msrr_perception.estimation.global_estimator import GlobalEstimator
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
@@ -112,11 +112,11 @@ class OverheadLocalizer:
                 return
         self.newest_ns = stamp_ns if self.newest_ns is None else max(self.newest_ns, stamp_ns)
 
-    def see(self, sightings: Sightings) -> None:
+    def see(self, seen_poses: SeenPoses) -> None:
         """Take in what a base station has read from an overhead exposure."""
-        self._estimator.add_sightings(sightings)
-        newest_ns = sightings.stamp_ns if self.newest_ns is None else self.newest_ns
-        self.newest_ns = max(newest_ns, sightings.stamp_ns)
+        self._estimator.add_seen_poses(seen_poses)
+        newest_ns = seen_poses.stamp_ns if self.newest_ns is None else self.newest_ns
+        self.newest_ns = max(newest_ns, seen_poses.stamp_ns)
 
     def estimate(self, now_ns: int, own: PoseEstimate | None) -> ArenaEstimate | None:
         """Return the estimated poses of all bodies; None before the unit and its target are known.

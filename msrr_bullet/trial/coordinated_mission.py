@@ -107,9 +107,9 @@ class CoordinatedMission(MissionLoop):
         for message in self._camera.tick(now_ns, self._base):
             assert isinstance(message, (Detections, GlobalPose))
             with self._profiler("perception"):
-                sightings = self._base.see(message)
+                seen_poses = self._base.see(message)
                 for member in self._members.values():
-                    member.robot.see(sightings)
+                    member.robot.see(seen_poses)
         for report in self._radio.arrived_at_base(now_ns):
             self._base.hear(report)
         if self._base_timer.due(now_ns):

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from msrr_perception.estimation.body_track import BodyTrack, Motion, SeenPose, Sightings, TrackNoise
+from msrr_perception.estimation.body_track import BodyTrack, Motion, SeenPose, SeenPoses, TrackNoise
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.messages import NS_PER_S, OVERHEAD, Detections, GlobalPose, ObstacleEstimate
@@ -62,7 +62,7 @@ class ArenaTracker:
         """Forget every body."""
         self._tracks = {}
 
-    def locate(self, message: Detections | GlobalPose) -> Sightings:
+    def locate(self, message: Detections | GlobalPose) -> SeenPoses:
         """Return what a message of the overhead camera shows.
 
         Args:
@@ -70,7 +70,7 @@ class ArenaTracker:
                 perception measures it, whose random error is drawn anew each time.
         """
         if isinstance(message, GlobalPose):
-            return Sightings(message.stamp_ns, (self._seen(message, np.zeros((3, 3))),))
+            return SeenPoses(message.stamp_ns, (self._seen(message, np.zeros((3, 3))),))
         located = self._localizer.locate(message) if message.exposure.camera == OVERHEAD else ()
         seen = (
             self._seen(
@@ -79,7 +79,7 @@ class ArenaTracker:
             )
             for pose in located
         )
-        return Sightings(message.exposure.stamp_ns, tuple(seen))
+        return SeenPoses(message.exposure.stamp_ns, tuple(seen))
 
     def _seen(self, pose: GlobalPose, lasting: Array) -> SeenPose:
         return SeenPose(pose, lasting, self.model.errors_of(pose))

@@ -124,7 +124,7 @@ class SeenPose:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sightings:
+class SeenPoses:
     """What one overhead exposure shows, read once for all who want to know.
 
     Attributes:
@@ -174,7 +174,7 @@ class BodyTrack:
         seen: Last measurement inside the gate.
         motion: Whether the body stands or drives.
         standstill: Tells whether the body stands; it is given measurements only while the body drives.
-        sightings: Number of measurements inside the gate.
+        accepted: Number of measurements inside the gate.
         rejected: Number of measurements in a row outside the gate.
     """
 
@@ -183,7 +183,7 @@ class BodyTrack:
     seen: SeenPose
     motion: Motion
     standstill: StandstillDetector
-    sightings: int = 1
+    accepted: int = 1
     rejected: int = 0
 
     @classmethod
@@ -244,12 +244,12 @@ class BodyTrack:
             fused = self._fused(seen, noise, Motion.MANOEUVRES)
         if fused is None:
             # The second of two first measurements is as good as the first.
-            known = self.sightings >= noise.restart_after
+            known = self.accepted >= noise.restart_after
             if self.rejected + 1 >= (noise.restart_after if known else 1):
                 return BodyTrack.at_any_speed(seen, noise.limits)
             return replace(self, rejected=self.rejected + 1)
         if fused.motion is Motion.DRIVES and fused.standstill.shows_standing(seen, noise):
-            return replace(BodyTrack.at_rest(seen), sightings=fused.sightings)
+            return replace(BodyTrack.at_rest(seen), accepted=fused.accepted)
         return fused
 
     def _fused(self, seen: SeenPose, noise: TrackNoise, motion: Motion) -> BodyTrack | None:
@@ -261,7 +261,7 @@ class BodyTrack:
         stands = motion is Motion.STANDS
         standstill = self.standstill if stands else self.standstill.after(seen)
         kind = Motion.STANDS if stands else Motion.DRIVES
-        return BodyTrack(mean, P, seen, kind, standstill, self.sightings + 1)
+        return BodyTrack(mean, P, seen, kind, standstill, self.accepted + 1)
 
     def _predicted(self, stamp_ns: int, noise: TrackNoise, motion: Motion) -> tuple[Array, Array]:
         """Return mean and covariance of the state at an instant, if the body moves so until then."""

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from msrr_perception.estimation.arena_tracker import ArenaTracker
-from msrr_perception.estimation.body_track import SeenPose, Sightings, StandstillDetector
+from msrr_perception.estimation.body_track import SeenPose, SeenPoses, StandstillDetector
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.motion_noise import MotionNoise
 from msrr_perception.pose.overhead_model import OverheadModel
@@ -108,15 +108,15 @@ class GlobalEstimator:
 
     def add_detections(self, detections: Detections) -> None:
         """Add the tags of one overhead exposure; those of other cameras change nothing."""
-        self.add_sightings(self._others.locate(detections))
+        self.add_seen_poses(self._others.locate(detections))
 
     def add_pose(self, pose: GlobalPose) -> None:
         """Add a measured pose whose errors are drawn anew each time, as those of parametric perception."""
-        self.add_sightings(self._others.locate(pose))
+        self.add_seen_poses(self._others.locate(pose))
 
-    def add_sightings(self, sightings: Sightings) -> None:
+    def add_seen_poses(self, seen_poses: SeenPoses) -> None:
         """Add what an overhead exposure shows."""
-        for seen in sightings.poses:
+        for seen in seen_poses.poses:
             self._add(seen)
 
     def _add(self, seen: SeenPose) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_bullet.robot.guided_unit import GuidedUnit
-from msrr_perception.estimation.body_track import SeenPose, Sightings
+from msrr_perception.estimation.body_track import SeenPose, SeenPoses
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose, Twist
 from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg, UnitMode
@@ -45,7 +45,7 @@ def test_a_new_route_begins_with_what_was_seen_before() -> None:
     )
     unit = GuidedUnit(scene, "a")
     assert not unit.active, "it listens on standby, too"
-    unit.see(Sightings(100_000_000, (_seen("a", 100_000_000, 0.0), _seen("post", 100_000_000, 0.4))))
+    unit.see(SeenPoses(100_000_000, (_seen("a", 100_000_000, 0.0), _seen("post", 100_000_000, 0.4))))
     leg = RouteLeg(LegKind.TURN, (0.0, 0.0, 0.0), (), (), 1.0, 0.1)
     for route in (1, 2):
         unit.authorise(Authority("a", route, route, 0, 10_000_000_000, leg.end, (leg,), None, False))
