@@ -22,8 +22,8 @@ from msrr_scenes.specs.scene import Scene
 #: How trials of the tests are rendered, unless a test is about rendering.
 RENDERING: Mapping[str, str] = {"cameras.onboard.renderer": "raster"}
 
-#: Robots of the tests are as drawn, unless a test is about how they were built: what a test sees has no other
-#: cause than what it changes, and rendered trials take less time.
+#: Robots of the tests are as designed, unless a test is about how they were built: what a test sees has no
+#: other cause than what it changes, and rendered trials take less time.
 CALIBRATION: Mapping[str, str] = {"as_built": "perfect"}
 
 #: Ideal unicycles and the true pose with errors: a trial in a fraction of a second, for what needs no pixels.
@@ -50,7 +50,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def shipped() -> ShippedScene:
     """Load a shipped scene for a trial: ``shipped("weak_lock", {"lock.strength_n": "60"})``.
 
-    Robots are as drawn; ``blind=True`` replaces contact and pixels by their models.
+    Robots are as designed; ``blind=True`` replaces contact and pixels by their models.
     """
 
     def load(name: str, overrides: Mapping[str, str] | None = None, *, blind: bool = False) -> Scene:

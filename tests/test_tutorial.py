@@ -98,7 +98,7 @@ def photograph_board(folder: Path) -> None:
 
 
 def photograph_marker(folder: Path) -> UnitGeometry:
-    """Photograph the rear marker of a unit that is not as drawn, and return where its tags are."""
+    """Photograph the rear marker of a unit that is not as designed, and return where its tags are."""
     errors = {
         "x_m": {"sigma": 5e-4},
         "y_m": {"sigma": 5e-4},

@@ -111,9 +111,9 @@ def benchmark_detection(
         arrangements, seed, noise_grey=HARD_NOISE_GREY, blur_px=HARD_BLUR_PX, exposures=exposures
     )
     return DetectionBenchmark(
-        onboard=DetectionCase(title=f"{onboard}, as drawn", rows=plain),
+        onboard=DetectionCase(title=f"{onboard}, as designed", rows=plain),
         onboard_hard=DetectionCase(title=f"{onboard}, {hard}", rows=harder),
-        overhead=DetectionCase(title=f"{overhead}, as drawn", rows=above),
+        overhead=DetectionCase(title=f"{overhead}, as designed", rows=above),
         overhead_hard=DetectionCase(title=f"{overhead}, {hard}", rows=above_harder),
         photographs=on_photographs,
         versions=package_versions(),

@@ -94,7 +94,7 @@ def renderer_tables(report: RendererBenchmark) -> tuple[Table, ...]:
             f"{c.rms_px:.4f}",
         )
     ranges = _table(
-        "One frame of close_range's camera, as drawn, with its noise and blur",
+        "One frame of close_range's camera, as designed, with its noise and blur",
         "distance",
         "renderer",
         "tags found",

@@ -64,7 +64,7 @@ def empty_client() -> Iterator[tuple[int, Path]]:
 
 @contextmanager
 def facing_units(X_DU: SE2) -> Iterator[tuple[Scene, BulletWorld]]:
-    """Open the world of ``close_range``, as drawn, with unit a at ``X_DU`` in front of the rear port of b."""
+    """Open the world of ``close_range``, as designed, with unit a at ``X_DU`` before the rear port of b."""
     scene = load_scene("close_range", {"as_built": "perfect"})
     X_WD = scene.units["b"].pose.nominal @ scene.geometry("b").dock_frame("rear")
     placement = Placement({"b": scene.units["b"].pose.nominal, "a": X_WD @ X_DU}, {})

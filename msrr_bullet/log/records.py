@@ -101,7 +101,7 @@ class StartPoses:
 
 @dataclass(frozen=True, slots=True)
 class BuiltErrors:
-    """What is not as the scene says; a log without this record is of a trial in which all was as drawn.
+    """What is not as the scene says; a log without this record is of a trial in which all was as designed.
 
     Attributes:
         errors: True minus told value of every quantity that was given or drawn, by part and quantity, in the

@@ -25,7 +25,7 @@ class Drivetrain:
     has taken it up. How far the unit moves is decided by the true radii and the true track.
 
     Attributes:
-        ideal: Whether all of it is as drawn.
+        ideal: Whether all of it is as designed.
         play: Angle of the left and the right motor ahead of the wheel [rad].
     """
 
@@ -34,7 +34,7 @@ class Drivetrain:
 
         Args:
             drawn: Geometry by which the drive computes the speeds of its motors.
-            built: What is not as drawn.
+            built: What is not as designed.
         """
         self._drawn, self._built = drawn, built
         self._motors = _AT_REST

@@ -8,14 +8,14 @@ from msrr_scenes.messages import Action, Twist
 
 
 class DriveFeedForward:
-    """Turns the velocity that is wanted into the one to command to a drive that goes by drawn wheels."""
+    """Turns the velocity that is wanted into the one to command to a drive that goes by nominal wheels."""
 
     def __init__(self, estimator: Estimator, track: float, enabled: bool = True) -> None:
         """Take what is known of the drive from an estimator; one of a user's own knows nothing.
 
         Args:
             estimator: Estimator of the unit.
-            track: Distance between the wheels as drawn [m].
+            track: Distance between the wheels as designed [m].
             enabled: Whether commands are changed at all.
         """
         self._filter = estimator if enabled and isinstance(estimator, CornerEkf) else None

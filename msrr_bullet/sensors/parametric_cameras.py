@@ -57,7 +57,7 @@ class ParametricOnboardCamera:
             rng: Generator of the measurement errors, used by no other object.
             dropout: Draws the lost frames of this camera.
             timing: Clock and latency of this camera.
-            sight: What the robot makes of what was built; None if all is as drawn.
+            sight: What the robot makes of what was built; None if all is as designed.
         """
         self.name = onboard_camera(step.unit)
         self.spec: CameraSpec = scene.cameras.onboard
@@ -128,7 +128,7 @@ class ParametricOverheadCamera:
             rng: Generator of the measurement errors, used by no other object.
             dropout: Draws the lost frames of this camera.
             timing: Clock and latency of this camera.
-            sight: What the robot makes of what was built; None if all is as drawn.
+            sight: What the robot makes of what was built; None if all is as designed.
         """
         self.name = OVERHEAD
         self.spec = spec

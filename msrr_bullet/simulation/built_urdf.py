@@ -34,7 +34,7 @@ def build(
     built: BuiltUnit,
     plate_sizes: Mapping[str, float] = MappingProxyType({}),
 ) -> None:
-    """Change a URDF, in place, to what was built; one that is as drawn is not touched.
+    """Change a URDF, in place, to what was built; one that is as designed is not touched.
 
     Args:
         tree: The URDF, not welded yet, with or without the plates of tags.
@@ -71,7 +71,7 @@ class _Walls:
     """
 
     def __init__(self, robot: Element, drawn: UnitGeometry) -> None:
-        """Begin with the shapes as they are drawn."""
+        """Begin with the shapes as designed."""
         self._drawn = drawn
         self._visuals = list(_visuals(robot, drawn))
         self._changed: set[int] = set()
@@ -79,7 +79,7 @@ class _Walls:
     def give_way(self, slot: str, X_UX: SE3, half: float) -> None:
         """Set shapes behind a tag back to where the tag is not inside them.
 
-        A tag that was put on deeper than drawn is not inside the wall that carries it; the wall is deeper,
+        A tag that was put on deeper than designed is not inside the wall that carries it; the wall is deeper,
         too. A box is cut; one that is too thin, or a cylinder, moves.
 
         Args:
@@ -124,7 +124,7 @@ def _wall(drawn: UnitGeometry, link: str, visual: Element) -> _Wall:
 # No seed changes what is drawn, and reading it takes far longer than building one unit from it.
 @lru_cache(maxsize=32)
 def _drawn_walls(drawn: UnitGeometry) -> tuple[_Wall, ...]:
-    """Return the visible shapes as they are drawn, in the order of the URDF."""
+    """Return the visible shapes as designed, in the order of the URDF."""
     return tuple(_wall(drawn, link, visual) for link, visual, _ in _visuals(drawn.tree().getroot(), drawn))
 
 
@@ -142,7 +142,7 @@ def _extent(X_TU: SE3, wall: _Wall) -> tuple[Array, Array]:
 
 
 def _behind(lowest: Array, highest: Array, half: float) -> NDArray[np.bool_]:
-    """Return whether shapes of these extents in T, shape (..., 3) [m], lie behind a plate as drawn."""
+    """Return whether shapes of these extents in T, shape (..., 3) [m], lie behind a plate as designed."""
     beside = (lowest[..., :2] > half).any(axis=-1) | (highest[..., :2] < -half).any(axis=-1)
     behind: NDArray[np.bool_] = (lowest[..., 2] >= 0.0) & ~beside
     return behind

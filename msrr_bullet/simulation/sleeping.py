@@ -50,7 +50,7 @@ class SleepingUnits:
         self._asleep: dict[str, None] = {}
         self.awake = tuple(world.units)
         self.groups: dict[str, tuple[str, ...]] = {name: (name,) for name in world.units}
-        # Shapes are built as drawn, and the geometry that was drawn is the same in all trials.
+        # Shapes are built as designed, and that geometry is the same in all trials.
         radius = {name: world.scene.geometry(name).circumradius for name in world.units}
         self._reach = {
             frozenset((a, b)): radius[a] + radius[b] + WAKE_DISTANCE_M

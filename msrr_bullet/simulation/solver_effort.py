@@ -37,7 +37,7 @@ class SolverEffort:
         self._tick = 0
         self._iterations = 0
         self._choose(CONTACT_ITERATIONS)
-        # Shapes are built as drawn, and the geometry that was drawn is the same in all trials.
+        # Shapes are built as designed, and that geometry is the same in all trials.
         self._radius = {name: world.scene.geometry(name).circumradius for name in world.units}
 
     def step(self, awake: Collection[str], groups: Mapping[str, tuple[str, ...]]) -> None:

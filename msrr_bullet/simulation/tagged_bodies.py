@@ -41,7 +41,7 @@ class TagVisuals:
         Args:
             scene: A checked scene.
             folder: Existing folder for the files.
-            built: True sizes and places of the tags; None if all are as drawn.
+            built: True sizes and places of the tags; None if all are as designed.
             pybullet_draws: Whether PyBullet is given the textures. The raster renderer needs none of its
                 textures: it reads the image that lies beside the mesh of a plate.
         """

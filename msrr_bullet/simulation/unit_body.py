@@ -70,7 +70,7 @@ def load_unit(
         geometry: Geometry of the URDF of the unit.
         welded: A welded copy of the URDF (:mod:`msrr_bullet.simulation.urdf_welding`); None makes a temporary
             one.
-        built: What is not as drawn, which ``welded`` has been given already; None if all is.
+        built: What is not as designed, which ``welded`` has been given already; None if all is.
 
     Raises:
         GeometryError: PyBullet cannot load the URDF.

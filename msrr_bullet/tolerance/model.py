@@ -194,7 +194,7 @@ class ToleranceStudy(StudyPart):
         versions: Versions of Python and packages.
         all_graded: Whether all effects that the grades have and that act in the scene were tried.
         seeds: Seeds of every effect, and of the trials without any.
-        drawn: Trials in which everything is as drawn, with the seeds of the effects.
+        drawn: Trials in which everything is as designed, with the seeds of the effects.
         grades: Trials with everything together, by grade.
         effects: Every effect alone.
     """
@@ -223,7 +223,7 @@ class ToleranceStudy(StudyPart):
 
     def _without_result(self) -> Iterator[tuple[str, StudyTrial]]:
         """Yield every trial without a result, with its condition in words."""
-        conditions: list[tuple[str, Sample]] = [("as drawn", self.drawn)]
+        conditions: list[tuple[str, Sample]] = [("as designed", self.drawn)]
         conditions += [(sample.grade, sample) for sample in self.grades]
         conditions += [
             (f"{effect.name} of {sample.size:g} {effect.unit}".rstrip(), sample)

@@ -81,7 +81,7 @@ class SeenPose:
         lasting: Part of the covariance, shape (3, 3), of the error that stays the same from measurement to
             measurement while the body stands.
         errors: Covariances of the errors of calibration, which stay nearly the same wherever the body drives;
-            None if all is as drawn.
+            None if all is as designed.
     """
 
     pose: GlobalPose

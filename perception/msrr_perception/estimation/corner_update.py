@@ -200,7 +200,7 @@ class CornerUpdate:
         return chi_squared_quantile(self._gate_probability, freedom)
 
     def _at(self, pose: Array) -> Array:
-        """Return a state at a pose with tilt, shape (5,), with everything as drawn."""
+        """Return a state at a pose with tilt, shape (5,), with everything as designed."""
         state = np.zeros(self._layout.size)
         state[:5] = pose
         return state

@@ -1,7 +1,7 @@
 """The first state of the corner filter: pose and errors of calibration, fitted at once to one exposure.
 
-With everything as drawn, few or small tags can put the pose off by so much that its dependence on the errors
-of calibration is another one there. So these are free in the fit, held by what is known of them.
+With everything as designed, few or small tags can put the pose off by so much that its dependence on the
+errors of calibration is another one there. So these are free in the fit, held by what is known of them.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class FilterState:
 
     Attributes:
         stamp_ns: Time of the state.
-        mean: Mean, shape (n,): x, y, yaw of U in D, if the marker of the port is where it is drawn [m, rad],
+        mean: Mean, shape (n,): x, y, yaw of U in D, if the marker of the port is as designed [m, rad],
             pitch and roll of the pair [rad], relative errors of both radii and of the track, and the errors
             of calibration of the filter's layout.
         covariance: Covariance of the mean, shape (n, n).

@@ -1,4 +1,4 @@
-"""Projection of tags with what was built otherwise than drawn, and derivatives by all of it.
+"""Projection of tags with what was built otherwise than designed, and derivatives by all of it.
 
 A filter carries errors of the calibration as states: of the camera's mount and intrinsics, of its clock, of
 the print and of the places of bracket and tags. All are small, so that turns of mounts enter to first order.
@@ -43,7 +43,7 @@ PARAMETERS = 34
 
 
 class TargetTags(NamedTuple):
-    """The T tags of a target as drawn, and where a state has the errors of their calibration."""
+    """The T tags of a target as designed, and where a state has the errors of their calibration."""
 
     local: Array  # (T, 4, 3) corners in the frame of their tag [m]
     centres: Array  # (T, 3) middles of the tags in D [m]
@@ -68,7 +68,7 @@ def project_tag(
     """Project the corners of a tag and write pixels and derivatives.
 
     Args:
-        optics: Camera and its mounting as drawn.
+        optics: Camera and its mounting as designed.
         tags: The tags.
         tag: Index of the tag.
         border: Distance by which what lies beyond the borders may move an edge [px].

@@ -22,7 +22,7 @@ def pose_by_marker(mean: Array, marker: int, pivot: Array) -> tuple[Array, Array
 
     Args:
         mean: State, shape (n,), that begins with the pose against the marker.
-        marker: Index of the place (x, y, yaw) of the marker in the state; -1 if it is as drawn.
+        marker: Index of the place (x, y, yaw) of the marker in the state; -1 if it is as designed.
         pivot: Middle of the marker, about which it turns, shape (3,) [m].
 
     Returns:

@@ -163,9 +163,9 @@ class StateLayout:
         prior: Standard deviations of the errors of calibration, shape (n - first,), behind pose and drive.
         first: Index of the first of them.
         marker: Index of the place (x, y, yaw) of the marker on the floor's plane, which no image shows; None
-            if it is as drawn.
+            if it is as designed.
         roof: Index of the place (x, y, yaw in U) of the tag on the roof of the unit, by which a camera above
-            measures its pose; None if it is as drawn.
+            measures its pose; None if it is as designed.
         own: Indices of what does not depend on the target: of the drive and of the camera.
         quantities: What each entry behind the pose is called, shape (n - 5,); None for what a
             recording tells nobody: errors of the edges in an image, and the place of the tag on the roof.
@@ -193,10 +193,10 @@ class StateLayout:
 
 
 def pose_layout(corners_D: Mapping[int, Array], port_tags: Sequence[int]) -> StateLayout:
-    """Return the layout of a state that is a pose with tilt alone: everything was built as drawn.
+    """Return the layout of a state that is a pose with tilt alone: everything was built as designed.
 
     Args:
-        corners_D: Tag id -> corners in D as drawn, shape (4, 3) [m].
+        corners_D: Tag id -> corners in D as designed, shape (4, 3) [m].
         port_tags: Ids of the tags on the marker of the target port.
     """
     ids = sorted(corners_D)

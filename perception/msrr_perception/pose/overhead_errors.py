@@ -77,7 +77,7 @@ class OverheadErrors:
         self.strain = self._largest_strain(size) if self._sigmas.any() else 0.0
 
     def of(self, tag: FlatTag, X_WB: SE2) -> PoseErrors | None:
-        """Return the errors of the pose of a body; None if all is as drawn."""
+        """Return the errors of the pose of a body; None if all is as designed."""
         if not (self._sigmas.any() or self._tag.any()):
             return None
         p_B = tag.corners_B[:, :2].mean(axis=0)

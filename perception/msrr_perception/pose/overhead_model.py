@@ -109,7 +109,7 @@ class OverheadModel:
         return self.lens.camera
 
     def errors_of(self, pose: GlobalPose) -> PoseErrors | None:
-        """Return the errors of calibration of a measured pose; None if all is as drawn."""
+        """Return the errors of calibration of a measured pose; None if all is as designed."""
         return self.errors.of(self.tags[self.tag_of[pose.name]], pose.X_WB)
 
     def roof(self, unit: str) -> Array:

@@ -210,12 +210,12 @@ class TargetModel:
 
     @cached_property
     def layout(self) -> StateLayout:
-        """Layout of a pose with tilt, for fits in which everything is as drawn."""
+        """Layout of a pose with tilt, for fits in which everything is as designed."""
         return pose_layout(self.corners_D, self.port_tags)
 
     @cached_property
     def filter_layout(self) -> StateLayout:
-        """Layout of a filter's state: pose, drive, and what may not be as drawn."""
+        """Layout of a filter's state: pose, drive, and what may not be as designed."""
         if self.roof is not None:
             return roof_layout(self.layout, self.roof)
         return filter_layout(self.layout, self.port_tags, self.tolerances)

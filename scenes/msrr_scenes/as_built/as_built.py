@@ -65,7 +65,7 @@ class BuiltDrive:
     """The drive of a unit as it was built, seen from what the drive itself believes.
 
     Attributes:
-        radius_scale: True over drawn radius of the left and the right wheel.
+        radius_scale: True over nominal radius of the left and the right wheel.
         track_scale: True over drawn distance between the wheels.
         lag_s: Time constant with which the speed of a motor follows its command [s].
         dead_zone_radps: Speed of a wheel below which the motor does not turn it [rad/s].
@@ -80,7 +80,7 @@ class BuiltDrive:
 
     @property
     def ideal(self) -> bool:
-        """Whether the drive is as drawn."""
+        """Whether the drive is as designed."""
         return self == BuiltDrive()
 
 
@@ -89,7 +89,7 @@ class BuiltUnit:
     """A unit as it was built.
 
     Attributes:
-        geometry: Geometry with the true frames of the tags; all else is as drawn.
+        geometry: Geometry with the true frames of the tags; all else is as designed.
         camera: Onboard camera.
         print_scale: Size of the printed tags over that of the drawing.
         drive: Drive.
@@ -110,7 +110,7 @@ class BuiltFloor:
     """The floor as it was built.
 
     Attributes:
-        friction_scale: True over drawn friction.
+        friction_scale: True over nominal friction.
         slope: Slope along x and along y of the world, positive where the floor rises [rad].
         ridge_m: Height of the ridges at the joints of the floor [m].
         first_joint: Place of one joint along x and of one along y of the world [m].

@@ -27,7 +27,7 @@ from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 from msrr_scenes.specs.spec import Spec
 
-#: Least friction of a drawn floor over that of the drawing.
+#: Least friction of a floor that is drawn at random over the nominal one.
 LEAST_FRICTION = 0.1
 
 #: Distance between two joints of the floor [m].
@@ -74,7 +74,7 @@ class _Draw:
         return abs(drawn) if deviation.one_sided else drawn
 
     def scale(self, group: Spec, quantity: str, part: str) -> float:
-        """Return true over drawn value of a quantity whose deviation is in percent."""
+        """Return true over nominal value of a quantity whose deviation is in percent."""
         return 1.0 + 0.01 * self.error(group, quantity, part)
 
     def angle(self, group: Spec, quantity: str, part: str) -> float:
@@ -91,7 +91,7 @@ class _Draw:
 def draw_as_built(scene: Scene, seed: int) -> AsBuilt:
     """Draw what was built in a trial.
 
-    Quantities that the plant of the scene does not have, such as the floor of a unicycle, stay as drawn.
+    Quantities that the plant of the scene does not have, such as the floor of a unicycle, stay as designed.
 
     Args:
         scene: A checked scene.
@@ -115,7 +115,7 @@ def draw_as_built(scene: Scene, seed: int) -> AsBuilt:
 
 
 def as_drawn(scene: Scene) -> AsBuilt:
-    """Return everything as it is drawn, but for the faults of the scene."""
+    """Return everything as designed, but for the faults of the scene."""
     return draw_as_built(scene.model_copy(update={"as_built": type(scene.as_built)()}), 0)
 
 

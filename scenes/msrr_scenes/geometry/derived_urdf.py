@@ -17,7 +17,7 @@ _PLATE_M, _PLATE_RATIO = 0.002, 1.25
 
 
 def with_camera(urdf: Path, X_UC: SE3) -> str:
-    """Return a URDF whose camera is mounted elsewhere; the rest of it stays as drawn.
+    """Return a URDF whose camera is mounted elsewhere; the rest of it stays as designed.
 
     Args:
         urdf: URDF of a unit.

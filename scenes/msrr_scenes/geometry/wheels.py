@@ -41,7 +41,7 @@ def measure_wheels(path: Path, frames: Mapping[str, SE3], solids: Iterable[Solid
     if abs(radii[0] - radii[1]) > _EQUAL_M:
         raise GeometryError(
             f"{path}: the wheels have radii of {radii[0]:g} m and {radii[1]:g} m; make them equal. Wheels "
-            "that are not as drawn are radius_left_percent and radius_right_percent of as_built.drive"
+            "that are not as designed are radius_left_percent and radius_right_percent of as_built.drive"
         )
     _check_axle(path, tyres[0].X_UG.p, tyres[1].X_UG.p, radii[0])
     return radii[0], float(tyres[0].X_UG.p[1] - tyres[1].X_UG.p[1])

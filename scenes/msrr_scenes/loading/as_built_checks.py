@@ -1,4 +1,4 @@
-"""Checks of what is not as drawn: a true error that is given has to have an effect in the trial."""
+"""Checks of what is not as designed: a true error that is given has to have an effect in the trial."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from msrr_scenes.geometry.inertial import whole_inertial
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 
-#: Largest pitch of a robot that stands [rad]. Robots take themselves and others to stand as they are drawn.
+#: Largest pitch of a robot that stands [rad]. Robots take themselves and others to stand as designed.
 #: Pins of a robot of 0.34 m jammed above or below the holes at 0.6 degrees, and did not at 0.3.
 _LEVEL_RAD = math.radians(0.5)
 

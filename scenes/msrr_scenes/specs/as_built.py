@@ -1,4 +1,4 @@
-"""Specifications of what is not as drawn: how far true values may be from what the robots were told.
+"""Specifications of what is not as designed: how far true values may be from what the robots were told.
 
 A scene, its URDFs and its data sheets say what everybody is told: the drawing. Here every quantity that a
 maker can get wrong has a standard deviation, which a robot may know as a tolerance, and may have a true
@@ -46,7 +46,7 @@ _CAREFUL_CAMERA = _CAREFUL_MOUNT | {
     "clock_ms": 8.0,
 }
 
-#: Standard deviations of the grade ``careful``, by group and quantity. What is not listed is as drawn.
+#: Standard deviations of the grade ``careful``, by group and quantity. What is not listed is as designed.
 CAREFUL: Mapping[str, Mapping[str, float]] = {
     "onboard": _CAREFUL_CAMERA,
     "overhead": _CAREFUL_CAMERA,
@@ -139,7 +139,7 @@ class TagDeviations(MountDeviations):
 
 
 class DriveDeviations(Spec):
-    """Deviations of the drive of a unit, in its motion: encoders and drive go by the drawn wheels."""
+    """Deviations of the drive of a unit, in its motion: encoders and drive go by the nominal wheels."""
 
     radius_left_percent: RatioDeviation = RatioDeviation()
     """Radius of the left wheel [%]."""
@@ -178,7 +178,7 @@ class FloorDeviations(Spec):
 
 
 class AsBuiltSpec(Spec):
-    """What is not as drawn; ``as_built: careful`` is the short form of ``as_built: {grade: careful}``."""
+    """What is not as designed; ``as_built: careful`` is the short form of ``as_built: {grade: careful}``."""
 
     grade: Grade = "perfect"
     """Grade of the workmanship, which gives every standard deviation that is not given."""

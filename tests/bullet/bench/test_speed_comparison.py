@@ -24,7 +24,7 @@ from msrr_scenes.specs.mission import ShapeSpec
 Capture = pytest.CaptureFixture[str]
 
 
-#: The comparison that ships: of close_range, with robots as drawn and built with care.
+#: The comparison that ships: of close_range, with robots as designed and built with care.
 STORED = Path(__file__).resolve().parents[3] / "docs" / "results" / "speed" / "close_range.json"
 
 

@@ -153,7 +153,7 @@ def test_the_funnel_narrows_from_mouth_to_seat(two_units, before_port) -> None:
 
 
 def test_pins_touch_where_the_switches_close_as_they_were_built(two_units, before_port) -> None:
-    """Down the middle of the funnel nothing touches before the switches, whose travel is not as drawn."""
+    """Down the middle of the funnel nothing touches before the switches, whose travel is not as designed."""
     scene = two_units()
     for error_m in (-0.001, 0.001):
         drawn = as_drawn(scene)

@@ -82,7 +82,7 @@ def test_a_target_that_is_another_unit_is_told_by_the_tags(
 
 @pytest.fixture(scope="module")
 def approach(tmp_path_factory: pytest.TempPathFactory, shipped: Callable[..., Scene]) -> Trial:
-    """Record a docking of a robot that is as drawn, and tell the tolerances of those built with care."""
+    """Record a docking of a robot that is as designed, and tell the tolerances of those built with care."""
     folder = tmp_path_factory.mktemp("approach")
     scene = shipped("close_range", {"cameras.onboard.readout": "frames", "cameras.onboard.rate_hz": "8"})
     run_trial_quietly(scene, folder)

@@ -44,7 +44,7 @@ def test_a_unit_as_drawn_has_the_urdf_that_was_drawn() -> None:
 
 
 def test_what_was_built_before_leaves_no_trace() -> None:
-    """What is kept of a URDF from one trial to the next is as drawn, however its walls gave way."""
+    """What is kept of a URDF from one trial to the next is as designed, however its walls gave way."""
     of = scene("workshop")
     first, second = (text_of(of, draw_as_built(of, seed)) for seed in (0, 1))
     assert first != second

@@ -36,7 +36,7 @@ def own_folder(folder: Path) -> Path:
 
 @pytest.mark.usefixtures("undrawn_runs")
 def test_a_robot_beside_its_scene_docks_and_replays_without_it(tmp_path: Path) -> None:
-    """On pixels and by contact, from near and as drawn to be quick; the log holds all that a replay needs."""
+    """On pixels and by contact, near and as designed to be quick; the log has all that a replay needs."""
     quick = {
         "as_built": "perfect",
         "units.a.pose.x_m": "-0.35",

@@ -184,7 +184,7 @@ def _is_honest(
 
 @pytest.mark.parametrize("readout_ms", [30.0, 100.0])
 def test_each_corner_is_seen_when_its_row_is_exposed(scene: Scene, see: See, readout_ms: float) -> None:
-    """Ten drives of a unit whose camera has a rolling shutter and is as drawn: odds 1e-6 to fail.
+    """Ten drives of a unit whose camera has a rolling shutter and is as designed: odds 1e-6 to fail.
 
     With one time for all rows of 30 ms the squared errors add up to 800, where 30 is right.
     """

@@ -42,8 +42,8 @@ def careful() -> Scene:
 def test_images_prevail_over_encoders_that_fail(careful: Scene, name: str, seed: int) -> None:
     """From half a second after they have failed, the pose at an exposure is that which images show.
 
-    The target is as drawn, and corners have errors of 0.3 px. Where the wheels are believed, headings are off
-    by 0.17 to 0.35 rad, or a third of the images is not used.
+    The target is as designed, and corners have errors of 0.3 px. Where the wheels are believed, headings are
+    off by 0.17 to 0.35 rad, or a third of the images is not used.
     """
     target = TargetModel.from_scene(careful, careful.docks[0])
     ekf = CornerEkf(target, careful.odometry, corner_sigma_px=0.3)

@@ -74,7 +74,7 @@ def test_the_first_pose_by_corners_is_as_uncertain_as_it_is_wrong(
     """Over 150 robots whose cameras are off by four times the above, and corners by 0.25 px.
 
     The mean of 150 squares of three dimensions is 3 with a deviation of 0.2; four of them are let through. A
-    fit with all as drawn, from which the errors were told to first order, had 13 and more.
+    fit with all as designed, from which the errors were told to first order, had 13 and more.
     """
     sigma_px, rng = 0.25, np.random.default_rng(8)
     told = replace(target, tolerances=replace(target.tolerances, camera=tuple((4.0 * MOUNT).tolist())))

@@ -1,4 +1,4 @@
-"""What was built otherwise than drawn, against the projection by which a filter explains it."""
+"""What was built otherwise than designed, against the projection by which a filter explains it."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def measured(folder: Path, **changes: object) -> None:
 
 
 def test_everybody_is_told_where_the_tags_are(tmp_path: Path) -> None:
-    """The tags of other ports stay as drawn, and so does the one that holds the map."""
+    """The tags of other ports stay as designed, and so does the one that holds the map."""
     measured(tmp_path)
     scene, drawn = load_scene(scene_file(tmp_path)), load_scene(scene_file(tmp_path, "{}"))
     before = drawn.geometry("b")

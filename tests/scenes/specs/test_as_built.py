@@ -1,4 +1,4 @@
-"""The specification of what is not as drawn: grades, short forms, and what a robot is told of it."""
+"""The specification of what is not as designed: grades, short forms, and what a robot is told of it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_without_a_word_all_is_as_drawn() -> None:
 
 
 def test_the_grades_are_multiples_of_careful() -> None:
-    """Every quantity of the table exists, and every one that is not in it is as drawn at every grade."""
+    """Every quantity of the table exists, and every one that is not in it is as designed at every grade."""
     for grade, factor in GRADES.items():
         sigmas = {(group, quantity): d.sigma for group, quantity, d in spec(grade).deviations()}
         listed = {(group, q): factor * s for group, sigmas in CAREFUL.items() for q, s in sigmas.items()}
