@@ -29,7 +29,7 @@ from msrr_bullet.figures.top_view import draw_top_view, extent
 from msrr_bullet.log import CameraWindow, Log, read_log
 from msrr_bullet.run import run_trial
 from msrr_bullet.timeline.camera_views import read_camera_views
-from msrr_scenes.as_built import as_drawn
+from msrr_scenes.as_built import as_designed
 from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.loading.load import load_scene, shipped_scenes
 from msrr_scenes.messages import OVERHEAD, Exposure
@@ -90,7 +90,7 @@ def crop(image: np.ndarray, annotator: FrameAnnotator) -> np.ndarray:
     """Return the part of an overhead frame that contains all bodies, with the aspect ratio of the frame."""
     scene = annotator.context.scene
     x, y = extent(scene, annotator.trial.snapshots)
-    corners = Perspective.overhead(scene, as_drawn(scene)).pixels(on_floor([[a, b] for a in x for b in y]))
+    corners = Perspective.overhead(scene, as_designed(scene)).pixels(on_floor([[a, b] for a in x for b in y]))
     (u0, v0), (u1, v1) = corners.min(axis=0), corners.max(axis=0)
     height, width = image.shape[:2]
     scale = min(1.0, 1.1 * max((u1 - u0) / width, (v1 - v0) / height))

@@ -20,7 +20,7 @@ from msrr_bullet.timeline.routes import Routes
 from msrr_bullet.timeline.series import port_in_dock
 from msrr_bullet.timeline.snapshot import Snapshot, phase_name
 from msrr_perception.pose.target import TargetModel
-from msrr_scenes.as_built import AsBuilt, as_drawn, draw_as_built
+from msrr_scenes.as_built import AsBuilt, as_designed, draw_as_built
 from msrr_scenes.geometry.lens import frame_outline
 from msrr_scenes.messages import OVERHEAD, Phase, carrier_of, seconds
 from msrr_scenes.specs.plan import DockStep
@@ -62,7 +62,7 @@ class DrawingContext:
     @cached_property
     def built(self) -> AsBuilt:
         """What was not as the scene says; of a recording nobody knows."""
-        return as_drawn(self.scene) if self.seed is None else draw_as_built(self.scene, self.seed)
+        return as_designed(self.scene) if self.seed is None else draw_as_built(self.scene, self.seed)
 
     @cached_property
     def solids(self) -> Mapping[str, Solids]:

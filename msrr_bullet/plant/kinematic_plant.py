@@ -10,7 +10,7 @@ from typing import Protocol
 
 from msrr_bullet.plant.kinematic_port import KinematicPort
 from msrr_bullet.plant.plant import Plant
-from msrr_scenes.as_built import AsBuilt, as_drawn
+from msrr_scenes.as_built import AsBuilt, as_designed
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Twist, seconds
@@ -54,7 +54,7 @@ class KinematicPlant(Plant):
             world: Bodies that follow the units, for the cameras; None when no camera is rendered.
             built: What is not as the scene says; None if all is.
         """
-        super().__init__(scene, built or as_drawn(scene))
+        super().__init__(scene, built or as_designed(scene))
         self._world = world
         # Asking the scene means to look for the file of the URDF, which takes longer than a tick.
         self._geometries = {name: scene.geometry(name) for name in scene.units}

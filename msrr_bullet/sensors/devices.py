@@ -136,7 +136,7 @@ class Devices:
             self._errors(name),
             self._dropout(name, spec),
             self._timing(name, spec, built.units[step.unit].camera),
-            None if built.is_as_drawn else OnboardSight(scene, built, step),
+            None if built.is_as_designed else OnboardSight(scene, built, step),
         )
 
     def _parametric_overhead(self) -> CameraSensor:
@@ -151,7 +151,7 @@ class Devices:
             self._errors(OVERHEAD),
             self._dropout(OVERHEAD, spec),
             self._timing(OVERHEAD, spec, built.overhead),
-            None if built.is_as_drawn else OverheadSight(scene, built),
+            None if built.is_as_designed else OverheadSight(scene, built),
         )
 
     def _camera(

@@ -13,7 +13,7 @@ from msrr_bullet.plant.plant import Plant
 from msrr_bullet.simulation.bullet_plant import BulletPlant
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
-from msrr_scenes.as_built import AsBuilt, as_drawn
+from msrr_scenes.as_built import AsBuilt, as_designed
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import seconds
 from msrr_scenes.placement.placement import Placement
@@ -57,7 +57,7 @@ def open_simulation(scene: Scene, placement: Placement, built: AsBuilt | None = 
         placement: Start poses of all bodies.
         built: What is not as the scene says; None if all is.
     """
-    built = built or as_drawn(scene)
+    built = built or as_designed(scene)
     with ExitStack() as stack:
         world = None
         if scene.plant == "bullet" or scene.perception == "images":

@@ -17,7 +17,7 @@ from msrr_bullet.simulation.tag_plates import (
     write_plate,
 )
 from msrr_bullet.simulation.urdf_welding import weld, write_welded
-from msrr_scenes.as_built import AsBuilt, as_drawn
+from msrr_scenes.as_built import AsBuilt, as_designed
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -46,7 +46,7 @@ class TagVisuals:
                 textures: it reads the image that lies beside the mesh of a plate.
         """
         self._scene, self._family = scene, scene.tags.tag_family
-        self._built = built or as_drawn(scene)
+        self._built = built or as_designed(scene)
         self._folder = folder.resolve()
         self._pybullet_draws = pybullet_draws
         self._hidden = {f.unit for f in scene.faults if isinstance(f, MarkerHidden)}

@@ -19,7 +19,7 @@ from msrr_bullet.simulation.floor import add_floor, gravity
 from msrr_bullet.simulation.obstacle_body import add_obstacle
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody, load_unit
-from msrr_scenes.as_built import AsBuilt, as_drawn
+from msrr_scenes.as_built import AsBuilt, as_designed
 from msrr_scenes.errors import GeometryError, MsrrError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -72,7 +72,7 @@ class BulletWorld:
             built: What is not as the scene says; None if all is. ``tags`` have to be built the same.
         """
         self.scene = scene
-        self.built = built or as_drawn(scene)
+        self.built = built or as_designed(scene)
         self._placement = placement
         self._tags = tags
         self.units: dict[str, UnitBody] = {}

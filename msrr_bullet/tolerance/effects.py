@@ -77,7 +77,7 @@ class Effect:
     apply: Callable[[Scene, float], Scene]
 
 
-def as_drawn_scene(scene: Scene) -> Scene:
+def as_designed_scene(scene: Scene) -> Scene:
     """Return the scene with its tolerances, which the robots know, and without any true error.
 
     Its cameras have the optics of perfect calibration where they have those of a grade: each effect is alone.
@@ -95,7 +95,7 @@ def as_drawn_scene(scene: Scene) -> Scene:
 
 def effects_of(scene: Scene) -> tuple[Effect, ...]:
     """Return every effect that acts in a scene, each with the largest size that the scene accepts."""
-    base = as_drawn_scene(scene)
+    base = as_designed_scene(scene)
     found = [*_deviations(base), *_responses(base)]
     return tuple(replace(effect, top=_largest_accepted(base, effect)) for effect in found)
 

@@ -9,7 +9,7 @@ from typing import Any
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trials import one_trial, run_trials
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
-from msrr_bullet.tolerance.effects import Effect, as_drawn_scene
+from msrr_bullet.tolerance.effects import Effect, as_designed_scene
 from msrr_bullet.tolerance.model import GradeSample, Sample, ToleranceStudy
 from msrr_bullet.tolerance.trial_plan import Batch, EffectTrials, condition_trials
 from msrr_bullet.trial.result import TrialResult
@@ -68,7 +68,7 @@ def tolerance_study(
         KeyboardInterrupt: The study was interrupted; all trials computed so far are in the store.
         MsrrError: A scene cannot be run with any seed, or the store cannot be used.
     """
-    base = as_drawn_scene(scene)
+    base = as_designed_scene(scene)
     asking: list[Asking] = [condition_trials(base, seeds)]
     asking += [condition_trials(scene.at_grade(grade), grade_seeds) for grade in grades]
     asking += [EffectTrials(base, effect, seeds).ask() for effect in effects]

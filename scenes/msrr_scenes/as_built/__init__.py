@@ -4,7 +4,7 @@ What runs on a robot cannot reach this package; an import contract keeps it.
 """
 
 from msrr_scenes.as_built.as_built import AsBuilt, BuiltCamera, BuiltDrive, BuiltFloor, BuiltTag, BuiltUnit
-from msrr_scenes.as_built.draw import JOINT_SPACING_M, as_drawn, draw_as_built
+from msrr_scenes.as_built.draw import JOINT_SPACING_M, as_designed, draw_as_built
 
 __all__ = [
     "JOINT_SPACING_M",
@@ -14,6 +14,6 @@ __all__ = [
     "BuiltFloor",
     "BuiltTag",
     "BuiltUnit",
-    "as_drawn",
+    "as_designed",
     "draw_as_built",
 ]

@@ -141,6 +141,6 @@ class AsBuilt:
     errors: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def is_as_drawn(self) -> bool:
+    def is_as_designed(self) -> bool:
         """Whether nothing differs from the drawing, faults of the scene included."""
         return not self.errors and all(unit.camera.X_BX is None for unit in self.units.values())

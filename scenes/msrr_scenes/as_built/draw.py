@@ -114,7 +114,7 @@ def draw_as_built(scene: Scene, seed: int) -> AsBuilt:
     )
 
 
-def as_drawn(scene: Scene) -> AsBuilt:
+def as_designed(scene: Scene) -> AsBuilt:
     """Return everything as designed, but for the faults of the scene."""
     return draw_as_built(scene.model_copy(update={"as_built": type(scene.as_built)()}), 0)
 

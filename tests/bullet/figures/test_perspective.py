@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_bullet.figures.perspective import Perspective
-from msrr_scenes.as_built import as_drawn
+from msrr_scenes.as_built import as_designed
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
@@ -14,9 +14,9 @@ from msrr_scenes.messages import OVERHEAD
 
 def perspective(scene, view, snapshot):
     if view.exposure.camera == OVERHEAD:
-        return Perspective.overhead(scene, as_drawn(scene))
+        return Perspective.overhead(scene, as_designed(scene))
     unit = view.exposure.camera.partition("/")[0]
-    return Perspective.onboard(scene, as_drawn(scene), unit, snapshot.units[unit])
+    return Perspective.onboard(scene, as_designed(scene), unit, snapshot.units[unit])
 
 
 def true_corners(scene, snapshot):

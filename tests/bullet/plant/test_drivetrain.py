@@ -36,7 +36,7 @@ def open_plant(plant: str, drive: str) -> Iterator[Plant]:
         yield simulation.plant
 
 
-def test_a_drivetrain_as_drawn_turns_the_wheels_as_the_drive_wants(unit: UnitGeometry) -> None:
+def test_a_drivetrain_as_designed_turns_the_wheels_as_the_drive_wants(unit: UnitGeometry) -> None:
     ideal, twist = Drivetrain(unit, BuiltDrive()), Twist(0.123, -0.456)
     assert ideal.step(twist, DT) == wheel_speeds(twist, unit) == ideal.rolling(twist)
     assert (ideal.play, ideal.at_rest) == ((0.0, 0.0), True)

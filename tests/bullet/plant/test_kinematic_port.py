@@ -8,7 +8,7 @@ import pytest
 
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.plant.kinematic_port import CaptureRange, face_half_width
-from msrr_scenes.as_built import as_drawn
+from msrr_scenes.as_built import as_designed
 from msrr_scenes.geometry.pin_and_hole import PinAndHole
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
@@ -156,7 +156,7 @@ def test_pins_touch_where_the_switches_close_as_they_were_built(two_units, befor
     """Down the middle of the funnel nothing touches before the switches, whose travel is not as designed."""
     scene = two_units()
     for error_m in (-0.001, 0.001):
-        drawn = as_drawn(scene)
+        drawn = as_designed(scene)
         units = {**drawn.units, "b": replace(drawn.units["b"], switch_travel_error_m=error_m)}
         placement = before_port(scene, SE2(-0.019, 0.0, 0.0))
         plant = KinematicPlant(scene, placement, built=replace(drawn, units=units))

@@ -49,7 +49,7 @@ def assert_near(X: SE2, Y: SE2, m: float, rad: float) -> None:
     assert abs(X.yaw - Y.yaw) < rad
 
 
-def test_of_what_is_as_drawn_the_robot_makes_the_truth() -> None:
+def test_of_what_is_as_designed_the_robot_makes_the_truth() -> None:
     true, of = sight("perfect"), scene("perfect")
     assert_near(seen(true, X_DU), X_DU, 1e-6, 1e-6)
     _, bearings = true.see(X_DU)

@@ -22,7 +22,7 @@ def timing(clock_ms: float = 0.0, jitter_ms: float = 0.0) -> FrameTiming:
     return FrameTiming(SPEC, built, stream(1, "jitter"))
 
 
-def test_a_camera_as_drawn_tells_the_time_and_its_data_sheet_the_latency() -> None:
+def test_a_camera_as_designed_tells_the_time_and_its_data_sheet_the_latency() -> None:
     exact = timing()
     assert [exact.stamp(t) for t in (0, 123_456_789)] == [0, 123_456_789]
     assert {exact.next_latency_ns() for _ in range(50)} == {40_000_000}

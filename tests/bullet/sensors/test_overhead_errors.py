@@ -93,7 +93,7 @@ def test_distances_err_by_no_more_than_the_strain(quantity: str) -> None:
     assert strain <= 4.0 * max(found) + 1e-5
 
 
-def test_of_what_is_as_drawn_there_are_no_errors() -> None:
+def test_of_what_is_as_designed_there_are_no_errors() -> None:
     model = OverheadModel.from_scene(load_scene("two_units", {"as_built": "perfect"}), ())
     assert model.errors_of(GlobalPose("a", 0, SE2(), np.eye(3))) is None
     assert model.errors.strain == model.errors.clock_s == 0.0

@@ -38,7 +38,7 @@ def text_of(of: Scene, built: AsBuilt) -> bytes:
     return ElementTree.tostring(tree.getroot())
 
 
-def test_a_unit_as_drawn_has_the_urdf_that_was_drawn() -> None:
+def test_a_unit_as_designed_has_the_urdf_that_was_designed() -> None:
     of = scene("perfect")
     assert text_of(of, draw_as_built(of, 0)) == ElementTree.tostring(of.geometry("b").tree().getroot())
 

@@ -17,7 +17,7 @@ from msrr_bullet.simulation.bullet_plant import BulletPlant
 from msrr_bullet.simulation.simulation import open_simulation
 from msrr_bullet.simulation.tag_plates import plate_folder
 from msrr_perception.detection.detector import PupilDetector
-from msrr_scenes.as_built import as_drawn
+from msrr_scenes.as_built import as_designed
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -120,7 +120,7 @@ def test_a_misaligned_camera_is_turned_and_the_geometry_of_the_robot_is_not() ->
     """The fault changes the simulated world; the robot gets the geometry of the URDF."""
     faulty = scene("unicycle", "parametric")
     X_UB = faulty.geometry("a").frame("camera")
-    built = as_drawn(faulty)
+    built = as_designed(faulty)
     between = (X_UB.inverse() @ camera_pose(faulty, built, "a")).to_se2()
     assert (between.x, between.y, between.yaw) == pytest.approx((0.0, 0.0, math.radians(5.0)))
     assert isinstance(camera_pose(faulty, built, "b"), SE3)

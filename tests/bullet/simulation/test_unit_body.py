@@ -52,7 +52,7 @@ def test_a_welded_link_adds_its_mass_or_none_and_one_apart_would_get_a_kilogram(
 ) -> None:
     """The reason why a scene is refused whose robot has shapes without inertial data."""
     masses = []
-    for name, link in (("as_drawn", None), ("welded", "mast"), ("apart", "caster_rear")):
+    for name, link in (("as_designed", None), ("welded", "mast"), ("apart", "caster_rear")):
         path = tmp_path / f"{name}.urdf"
         drawn = geometry.urdf.read_text()
         path.write_text(

@@ -4,7 +4,7 @@ import pytest
 from pydantic import ValidationError
 
 from msrr_bullet.tolerance.camera_response import RESPONSES
-from msrr_bullet.tolerance.effects import RANGE, Effect, as_drawn_scene, effects_of, select_effects
+from msrr_bullet.tolerance.effects import RANGE, Effect, as_designed_scene, effects_of, select_effects
 from msrr_scenes import load_scene
 from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.errors import SceneError, UnknownNameError
@@ -23,8 +23,8 @@ def acting(seen: Scene) -> tuple[Effect, ...]:
     return effects_of(seen)
 
 
-def test_without_an_effect_everything_is_as_drawn_and_the_tolerances_are_told(seen: Scene) -> None:
-    base = as_drawn_scene(seen)
+def test_without_an_effect_everything_is_as_designed_and_the_tolerances_are_told(seen: Scene) -> None:
+    base = as_designed_scene(seen)
     assert set(draw_as_built(base, 3).errors.values()) == {0.0}
     assert base.told().as_built == seen.told().as_built
     assert base.cameras == load_scene("close_range", {"as_built": "perfect"}).cameras
@@ -44,7 +44,7 @@ def test_every_quantity_that_acts_is_an_effect(seen: Scene, acting: tuple[Effect
 def test_an_effect_changes_one_error_and_nothing_that_is_told(
     seen: Scene, acting: tuple[Effect, ...]
 ) -> None:
-    base = as_drawn_scene(seen)
+    base = as_designed_scene(seen)
     for effect in acting:
         changed = effect.apply(base, effect.signs[-1] * effect.step)
         check_scene(changed)
@@ -67,7 +67,7 @@ def test_an_effect_changes_one_error_and_nothing_that_is_told(
 def test_the_largest_size_is_accepted_and_a_larger_one_is_not(
     seen: Scene, acting: tuple[Effect, ...]
 ) -> None:
-    base = as_drawn_scene(seen)
+    base = as_designed_scene(seen)
     limited = [effect for effect in acting if effect.top < RANGE * effect.step]
     assert {"onboard.k1", "cameras.onboard.exposure_ms"} <= {effect.name for effect in limited}
     for effect in limited:
@@ -84,7 +84,7 @@ def test_the_largest_size_is_accepted_and_a_larger_one_is_not(
 
 def test_one_sigma_of_slippery_floor_is_what_a_grade_draws(seen: Scene, acting: tuple[Effect, ...]) -> None:
     (friction,) = select_effects(acting, ["floor.friction_percent"])
-    built = draw_as_built(friction.apply(as_drawn_scene(seen), friction.step), 0)
+    built = draw_as_built(friction.apply(as_designed_scene(seen), friction.step), 0)
     assert built.floor.friction_scale == pytest.approx(0.6065, abs=1e-4)
 
 

@@ -118,7 +118,7 @@ def test_the_log_holds_specification_and_truth_and_result_and_summary_the_grade(
     assert type(result).from_json(result.to_json()) == result
 
 
-def test_a_trial_in_which_all_is_as_drawn_has_no_such_record(shipped: Callable[..., Scene]) -> None:
+def test_a_trial_in_which_all_is_as_designed_has_no_such_record(shipped: Callable[..., Scene]) -> None:
     recorder = MemoryRecorder()
     result = Trial(shipped("close_range", SHORT), 5, recorder=recorder).run()
     assert not [m for *_, m in recorder.messages if isinstance(m, BuiltErrors)]

@@ -12,7 +12,7 @@ from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.trial.environment import LockedPairs, open_environment
 from msrr_bullet.trial.judge import Judge
-from msrr_scenes.as_built import as_drawn
+from msrr_scenes.as_built import as_designed
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement, draw_placement
@@ -58,7 +58,7 @@ def test_how_near_neighbours_may_be_follows_the_locks() -> None:
     plan = [{"unit": "a", "to": "b.rear"}]
     scene = Scene.model_validate({"name": "corner", "plant": "unicycle", "units": units, "plan": plan})
     placement = Placement({name: SE2(float(i), 0.0) for i, name in enumerate("abc")}, {})
-    simulation = Simulation(scene, as_drawn(scene), placement, KinematicPlant(scene, placement), None)
+    simulation = Simulation(scene, as_designed(scene), placement, KinematicPlant(scene, placement), None)
     locked = LockedPairs()
     judge = Judge(simulation, ClearanceModel.from_scene(scene), locked, scene.plan[0])
     assert judge.neighbour_limits() == {}

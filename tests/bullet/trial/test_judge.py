@@ -18,7 +18,7 @@ from msrr_bullet.trial.arena_judge import ArenaJudge, Safety
 from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.judge import FALSE_ABORT_TIME_S, Judge
 from msrr_bullet.trial.verdict import Verdict
-from msrr_scenes.as_built import as_drawn
+from msrr_scenes.as_built import as_designed
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import find_urdf
 from msrr_scenes.messages import Action, FailureReason, Phase
@@ -65,7 +65,9 @@ class Crowd:
 
 def crowd(scene: Scene, model: ClearanceModel, units: dict[str, SE2], post: SE2) -> Crowd:
     placement = Placement(units, {"post": post})
-    return Crowd(Simulation(scene, as_drawn(scene), placement, KinematicPlant(scene, placement), None), model)
+    return Crowd(
+        Simulation(scene, as_designed(scene), placement, KinematicPlant(scene, placement), None), model
+    )
 
 
 def outcome_of(found: Safety) -> Outcome | None:
@@ -383,7 +385,7 @@ def test_pins_with_more_play_are_in_line_farther_off(bench: Bench, tmp_path: Pat
 
 def _judged(b: Any, drive_s: float) -> Judge:
     """Drive ``a`` straight ahead, and return the judge that observed every tick."""
-    simulation = Simulation(b.scene, as_drawn(b.scene), Placement({}, {}), b.plant, b.plant.world)
+    simulation = Simulation(b.scene, as_designed(b.scene), Placement({}, {}), b.plant, b.plant.world)
     judge = Judge(simulation, ClearanceModel.from_scene(b.scene), LockedPairs(), b.scene.plan[0])
     for _ in range(round(drive_s / b.dt)):
         b.drive(0.05, b.dt)

@@ -16,7 +16,7 @@ from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_bullet.trial.environment import LockedPairs
 from msrr_bullet.trial.judge import Judge
-from msrr_scenes.as_built import as_drawn
+from msrr_scenes.as_built import as_designed
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.outcome import Outcome
@@ -37,7 +37,7 @@ def put(world: BulletWorld, name: str, X_WU: SE3) -> None:
 
 def judge_of(b: Any) -> Judge:
     """Return the judge of the pair on a bench."""
-    simulation = Simulation(b.scene, as_drawn(b.scene), Placement({}, {}), b.plant, b.plant.world)
+    simulation = Simulation(b.scene, as_designed(b.scene), Placement({}, {}), b.plant, b.plant.world)
     return Judge(simulation, ClearanceModel.from_scene(b.scene), LockedPairs(), b.scene.plan[0])
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_scenes.as_built import AsBuilt, as_drawn, draw_as_built
+from msrr_scenes.as_built import AsBuilt, as_designed, draw_as_built
 from msrr_scenes.as_built.draw import LEAST_FRICTION
 from msrr_scenes.geometry.distortion import Distortion, has_inverse
 from msrr_scenes.geometry.se2 import SE2
@@ -38,10 +38,10 @@ def errors(quantity: str) -> np.ndarray:
     return np.array([each[quantity] for each in drawn()])
 
 
-def test_a_perfect_grade_and_no_fault_leave_everything_as_drawn() -> None:
+def test_a_perfect_grade_and_no_fault_leave_everything_as_designed() -> None:
     of = scene("perfect", "two_units")
     built = draw_as_built(of, 7)
-    assert built.is_as_drawn
+    assert built.is_as_designed
     assert built.errors == {}
     for name, unit in built.units.items():
         assert unit.geometry is of.geometry(name)
@@ -138,13 +138,13 @@ def test_a_camera_is_mounted_in_its_own_frame() -> None:
     assert math.degrees(X_AX.yaw) == pytest.approx(100.0)
 
 
-def test_a_misaligned_camera_is_turned_and_is_not_as_drawn() -> None:
+def test_a_misaligned_camera_is_turned_and_is_not_as_designed() -> None:
     faulty = scene("perfect", faults="[{kind: camera_misaligned, unit: a, yaw_deg: 7}]")
-    X_BX = as_drawn(faulty).units["a"].camera.X_BX
+    X_BX = as_designed(faulty).units["a"].camera.X_BX
     assert X_BX is not None
     assert math.degrees(X_BX.to_se2().yaw) == pytest.approx(7.0)
-    assert not as_drawn(faulty).is_as_drawn
-    assert as_drawn(faulty).units["b"].camera.X_BX is None
+    assert not as_designed(faulty).is_as_designed
+    assert as_designed(faulty).units["b"].camera.X_BX is None
 
 
 def test_a_bracket_moves_its_tags_together_about_their_middle() -> None:

@@ -16,7 +16,7 @@ def spec(data: Any) -> AsBuiltSpec:
     return AsBuiltSpec.model_validate(data)
 
 
-def test_without_a_word_all_is_as_drawn() -> None:
+def test_without_a_word_all_is_as_designed() -> None:
     assert load_scene("weak_lock").as_built == AsBuiltSpec() == spec("perfect") == spec({})
     assert not [d for _, _, d in AsBuiltSpec().deviations() if d.sigma or d.error is not None]
 
