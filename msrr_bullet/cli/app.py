@@ -149,7 +149,7 @@ def check(
     for file in files:
         try:
             with naming_overrides(given):
-                loaded = load_scene(file, given)
+                loaded = load_scene(file, given, told_as="--set")
                 check_trial(loaded)
         except MsrrError as error:
             code = report_error(str(error), BAD_INPUT)

@@ -152,14 +152,14 @@ def _profile(name: str, overrides: dict[str, str], file: Path) -> None:
     from msrr_bullet.bench.trial_profile import profile_trial
     from msrr_scenes.loading.load import load_scene
 
-    profile_trial(load_scene(name, overrides), file)
+    profile_trial(load_scene(name, overrides, told_as="--set"), file)
     open_console().print(f"profile: {file}")
 
 
 def _scene(name: str, overrides: dict[str, str]) -> _Bench:
     from msrr_scenes.loading.load import load_scene
 
-    scene = load_scene(name, overrides)
+    scene = load_scene(name, overrides, told_as="--set")
 
     def run(on_progress: Callable[[str], None]) -> tuple[_Report, Iterable[Table], Sequence[str]]:
         from msrr_bullet.bench.trial_speed import measure_trial_speed, trial_speed_table

@@ -63,7 +63,7 @@ def dock(
 
     given = parse_overrides(overrides)
     with naming_overrides(given):
-        loaded = load_scene(scene, given)
+        loaded = load_scene(scene, given, told_as="--set")
     folder = out if out is not None else RUNS / f"{loaded.name}-{seed}-{scene_hash(loaded)[:6]}"
     from msrr_bullet.run import run_trial
     from msrr_bullet.sensors.preparation import prepare_cameras

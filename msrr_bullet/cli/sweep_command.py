@@ -138,7 +138,7 @@ def sweep(
     wanted = parse_seeds(seeds)
     given = parse_overrides(overrides)
     with naming_overrides(given):
-        loaded = load_scene(scene, given)
+        loaded = load_scene(scene, given, told_as="--set")
     kept = None if fresh else store or STORE
     used = [loaded.source, kept]
     check_writable(json_file, "--json", used)

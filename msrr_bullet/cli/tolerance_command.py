@@ -74,7 +74,7 @@ def tolerance(
     use_one_thread_per_process()
     given = parse_overrides(overrides)
     with naming_overrides(given):
-        loaded = load_scene(scene, given)
+        loaded = load_scene(scene, given, told_as="--set")
     folder = out if out is not None else Path("runs") / "tolerance" / loaded.name
     arguments = {"seeds": parse_seeds(seeds), "grade_seeds": parse_seeds(grade_seeds, "--grade-seeds")}
     if len(arguments["seeds"]) < 2:

@@ -81,7 +81,9 @@ def find_scene(name_or_path: str) -> Path:
     raise UnknownNameError("scene", name_or_path, shipped_scenes(), hint)
 
 
-def load_scene(name_or_path: str | Path, overrides: Mapping[str, object] = _NONE) -> Scene:
+def load_scene(
+    name_or_path: str | Path, overrides: Mapping[str, object] = _NONE, *, told_as: str = "override"
+) -> Scene:
     """Read and check a scene.
 
     Args:
@@ -89,6 +91,7 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, object] = _NONE
         overrides: Dotted keys and their values, as YAML text or as values of Python:
             ``{"cameras.onboard.noise_grey": 8, "as_built": "careful"}``; list items by index
             (``plan.0.to``). They replace the file's values before these are checked.
+        told_as: What messages call an override: the command line names its option ``--set``.
 
     Raises:
         SceneError: The scene is unusable; one message lists every problem with file, line and column, key,
@@ -100,7 +103,7 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, object] = _NONE
     path = find_scene(str(name_or_path))
     document = read_document(path)
     texts = {key: override_text(key, value) for key, value in overrides.items()}
-    apply_overrides(document, texts)
+    apply_overrides(document, texts, told_as)
     if "source" in document.data:
         raise SceneError(f"{document.origin(('source',))}: source: unknown key; it is set by the program")
     document.data.setdefault("name", plain_name(path.stem))

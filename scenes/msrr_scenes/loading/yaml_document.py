@@ -122,8 +122,13 @@ def _plain(value: object) -> object:
     return value
 
 
-def apply_overrides(document: YamlDocument, overrides: Mapping[str, str]) -> None:
+def apply_overrides(document: YamlDocument, overrides: Mapping[str, str], told_as: str = "override") -> None:
     """Write ``a.b.c=value`` pairs into a document; lists take an index, missing mappings are created.
+
+    Args:
+        document: The document, which is changed.
+        overrides: Dotted keys and their values as YAML text.
+        told_as: What messages call an override.
 
     Raises:
         SceneError: A value is no YAML that a scene file could hold, or a path leads through a plain value or
@@ -131,11 +136,11 @@ def apply_overrides(document: YamlDocument, overrides: Mapping[str, str]) -> Non
     """
     given: list[str] = []
     for key, text in overrides.items():
-        option = f"--set {key}={text}"
+        option = f"{told_as} {key}={text}"
         parts = key.split(".")
         lost = next((earlier for earlier in given if earlier.startswith(f"{key}.")), None)
         if lost is not None:
-            raise SceneError(f"{option}: it would take back --set {lost}; give {key} before {lost}")
+            raise SceneError(f"{option}: it would take back {told_as} {lost}; give {key} before {lost}")
         given.append(key)
         if not all(parts):
             raise SceneError(f"{option}: expected a dotted key such as cameras.onboard.noise_grey")

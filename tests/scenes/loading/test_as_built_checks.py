@@ -24,7 +24,7 @@ from tests.conftest import shipped_as_is
 def test_an_error_without_an_effect_is_refused(key: str, changes: dict[str, str], message: str) -> None:
     with pytest.raises(SceneError, match=message) as refused:
         load_scene("close_range", {**changes, key: "0.002"})
-    assert f"--set {key}=0.002: {key}: " in str(refused.value)
+    assert f"override {key}=0.002: {key}: " in str(refused.value)
     load_scene("close_range", {**changes, key: "0"})
     load_scene("close_range", {**changes, key: "{sigma: 0.002}"})
 

@@ -359,7 +359,7 @@ def test_overrides_reach_below_a_grade_that_is_given_by_its_name_alone(tmp_path:
 def test_a_bad_override_is_named_as_such(tmp_path: Path, key: str, value: str, expected: str) -> None:
     with pytest.raises(SceneError) as caught:
         load_scene(write(tmp_path, GOOD), {key: value})
-    assert f"--set {key}={value}" in str(caught.value)
+    assert f"override {key}={value}" in str(caught.value)
     assert expected in str(caught.value)
 
 
@@ -368,7 +368,7 @@ def test_an_override_takes_no_earlier_one_back(tmp_path: Path) -> None:
     path, name, key = write(tmp_path, GOOD), "control.docking", "control.docking.params.alpha"
     scene = load_scene(path, {name: "c1", key: "0.3"})
     assert (scene.control.docking.name, scene.control.docking.params) == ("c1", {"alpha": 0.3})
-    with pytest.raises(SceneError, match=f"would take back --set {key}; give {name} before {key}"):
+    with pytest.raises(SceneError, match=f"would take back override {key}; give {name} before {key}"):
         load_scene(path, {key: "0.3", name: "c1"})
 
 

@@ -30,9 +30,9 @@ def test_overrides_replace_values_and_their_lines() -> None:
     apply_overrides(document, {"b.c.0": "[1, 2]", "g.h": "true", "b.d": "3"})
     assert document.data["b"] == {"c": [[1, 2], "2020-01-01"], "d": 3}
     assert document.data["g"] == {"h": True}
-    assert document.origin(("b", "c", 0, 1)) == "--set b.c.0=[1, 2]"
-    assert document.origin(("b", "d", "e")) == "--set b.d=3"
-    assert document.origin(("g",)) == "--set g.h=true"
+    assert document.origin(("b", "c", 0, 1)) == "override b.c.0=[1, 2]"
+    assert document.origin(("b", "d", "e")) == "override b.d=3"
+    assert document.origin(("g",)) == "override g.h=true"
     assert document.origin(("b", "c", 1)) == "file:3:10"
 
 
