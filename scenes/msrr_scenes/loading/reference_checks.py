@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from msrr_scenes.errors import nearest
 from msrr_scenes.loading.assembly_checks import assembly_problems
@@ -200,9 +200,14 @@ def _tags_twice(scene: Scene) -> Iterator[Problem]:
     for unit, spec in scene.units.items():
         slots = scene.geometry(unit).tag_slots
         for key, named in (("tag_ids", spec.tag_ids), ("tag_sizes_m", spec.tag_sizes_m)):
-            for slot in (name for name in named if name not in slots):
-                text = f"no such tag link{nearest(slot, slots)} Links with a tag: {', '.join(slots)}"
-                yield Problem(("units", unit, key, slot), text)
+            yield from unknown_slots(("units", unit, key), named, slots)
+
+
+def unknown_slots(path: KeyPath, named: Iterable[str], slots: Sequence[str]) -> Iterator[Problem]:
+    """Yield the names, at a path of a document, that are no links with a tag."""
+    for slot in (name for name in named if name not in slots):
+        text = f"no such tag link{nearest(slot, slots)} Links with a tag: {', '.join(slots)}"
+        yield Problem((*path, slot), text)
 
 
 def _all_tags(scene: Scene) -> Iterator[tuple[KeyPath, str, int]]:

@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from msrr_scenes.errors import SceneError
+from msrr_scenes.errors import GeometryError, SceneError, nearest
 from msrr_scenes.geometry.derived_urdf import fixture_urdf, marker_slot, with_camera
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.loading.calibration_file import read_calibration
-from msrr_scenes.loading.load import embed_file, plain_name, read_document, validated
+from msrr_scenes.loading.load import embed_file, plain_name, read_document, refuse, validated
+from msrr_scenes.loading.problems import Problem
+from msrr_scenes.loading.reference_checks import unknown_slots
 from msrr_scenes.loading.tag_map_file import read_tag_map
 from msrr_scenes.loading.yaml_document import YamlDocument
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CalibrationSpec
-from msrr_scenes.specs.target import DOCK, ROBOT, TARGET, MappedMarkerSpec, TargetSpec, TargetUnitSpec
+from msrr_scenes.specs.target import (
+    DOCK,
+    ROBOT,
+    TARGET,
+    MappedMarkerSpec,
+    RobotSpec,
+    TargetSpec,
+    TargetUnitSpec,
+)
 from msrr_scenes.temporary_files import room_for_temporary_files
 
 #: Keys of a target that mean the same in a scene.
@@ -31,7 +42,29 @@ def read_target(path: Path) -> TargetSpec:
     document = read_document(path)
     embed_file(document, ("camera", "calibration"), path.parent, read_calibration)
     embed_file(document, ("marker", "map"), path.parent, read_tag_map)
-    return validated(TargetSpec, document)
+    spec = validated(TargetSpec, document)
+    refuse(document, list(_missing(spec, path.parent)))
+    return spec
+
+
+def _missing(spec: TargetSpec, beside: Path) -> Iterator[Problem]:
+    """Yield the URDFs that cannot be had, and the ports and links with a tag that they do not have."""
+    named: dict[str, RobotSpec | TargetUnitSpec] = {"robot": spec.robot}
+    if spec.unit is not None:
+        named["unit"] = spec.unit
+    for key, part in named.items():
+        try:
+            geometry = read_unit(find_urdf(part.urdf, beside).resolve())
+        except (GeometryError, SceneError) as error:
+            yield Problem((key, "urdf"), str(error))
+            continue
+        marked = isinstance(part, TargetUnitSpec)
+        ports = geometry.passive_ports if marked else geometry.ports
+        if part.port not in ports:
+            text = f"{part.port!r} is no port of {geometry.urdf.name}{' with a marker' if marked else ''}"
+            yield Problem((key, "port"), f"{text}{nearest(part.port, ports)} Known: {', '.join(ports)}")
+        if isinstance(part, TargetUnitSpec):
+            yield from unknown_slots((key, "tag_ids"), part.tag_ids, geometry.tag_slots)
 
 
 @room_for_temporary_files()
@@ -83,9 +116,6 @@ def _drawn_unit(unit: TargetUnitSpec, beside: Path) -> dict[str, Any]:
     """Return a unit whose port has the world as its dock frame."""
     urdf = find_urdf(unit.urdf, beside).resolve()
     geometry = read_unit(urdf)
-    if unit.port not in geometry.passive_ports:
-        known = ", ".join(geometry.passive_ports)
-        raise SceneError(f"unit.port: {unit.port!r} is no port of {urdf.name} with a marker; known: {known}")
     X_DU = geometry.dock_frame(unit.port).inverse()
     pose = {"x_m": X_DU.x, "y_m": X_DU.y, "yaw_deg": math.degrees(X_DU.yaw)}
     return {"number": unit.number, "urdf": str(urdf), "tag_ids": unit.tag_ids, "pose": pose}

@@ -130,14 +130,22 @@ def test_the_target_files_of_the_page_can_be_used(tmp_path: Path) -> None:
     ("data", "text"),
     [
         ({"unit": {"number": 1, "port": "rear"}}, "nothing tells of the camera.*hfov_deg"),
-        ({"unit": {"number": 1, "port": "top"}, "camera": CAMERA}, "'top' is no port of unit.urdf"),
+        ({"unit": {"number": 1, "port": "top"}, "camera": CAMERA}, r"t\.yaml:\d+:\d+: unit\.port: 'top' is"),
         ({"camera": CAMERA}, "expected either unit or marker"),
         ({"unit": {"nmber": 1, "port": "rear"}}, r"t\.yaml:1:9: unit\.nmber: unknown key.*'number'"),
         ({"marker": {"map": "nowhere.yaml"}}, r"marker\.map: no file 'nowhere\.yaml' beside the file"),
         ({"marker": {"map": "map.yaml", "tags": [4, 5]}}, "tags 5 are not in the map, which has 4, 12, 30"),
         (
             {"unit": {"number": 1, "port": "rear"}, "robot": {"urdf": "none.urdf"}},
-            "no URDF named",
+            r"t\.yaml:\d+:\d+: robot\.urdf: no URDF named",
+        ),
+        (
+            {"unit": {"number": 1, "port": "rear"}, "robot": {"port": "frnt"}},
+            r"t\.yaml:\d+:\d+: robot\.port: 'frnt' is no port of unit\.urdf; did you mean 'front'\?",
+        ),
+        (
+            {"unit": {"number": 1, "port": "rear", "tag_ids": {"port_rear_marker": 3}}},
+            r"t\.yaml:\d+:\d+: unit\.tag_ids\.port_rear_marker: no such tag link",
         ),
     ],
 )
