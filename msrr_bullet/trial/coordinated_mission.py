@@ -22,10 +22,11 @@ from msrr_bullet.trial.result import MissionFigures
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.unit_runner import UnitRunner
 from msrr_bullet.trial.verdict import Verdict, time_is_up
+from msrr_control.coordination.ledger import SAME_M
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, Detections, GlobalPose
-from msrr_scenes.messages.coordination import MissionState
+from msrr_scenes.messages.coordination import MissionState, MissionStatus, UnitState
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.mission import RadioSpec
 
@@ -137,7 +138,7 @@ class CoordinatedMission(MissionLoop):
             self.record.ended(now_ns, step)
         status = self._base.program.status
         if now_ns >= self._deadline_ns:
-            self._end(time_is_up(self._scene.time_limit_s))
+            self._end(time_is_up(self._scene.time_limit_s, _still_to_do(status)))
         elif status.state is not MissionState.RUNNING and not self._anybody_moves():
             complete = status.state is MissionState.COMPLETE
             self._end(Verdict(Outcome.COMPLETE if complete else Outcome.INCOMPLETE, status.reason))
@@ -201,3 +202,19 @@ class CoordinatedMission(MissionLoop):
     def figures(self) -> MissionFigures:
         """Return the figures of a mission that has ended."""
         return self.record.figures(self._base.program.status, self._radio.sent, self._radio.lost)
+
+
+def _still_to_do(status: MissionStatus) -> str:
+    """Return in words who waits for whom, is under way or out of action, as far as the base station knows."""
+    waits, drives, out = [], [], []
+    for unit in status.units:
+        if unit.blocked_by is not None and unit.progress >= unit.limit - SAME_M:
+            waits.append(f"{unit.unit} waits for {unit.blocked_by}")
+        elif unit.state is UnitState.UNDER_WAY:
+            drives.append(unit.unit)
+        elif unit.state in (UnitState.LOST, UnitState.FAILED):
+            out.append(f"{unit.unit} ({unit.reason})")
+    lists = [
+        f"{what}: {', '.join(who)}" for what, who in (("under way", drives), ("out of action", out)) if who
+    ]
+    return "; ".join([*waits, *lists]) or status.reason

@@ -28,9 +28,10 @@ class Verdict:
     reason: str = ""
 
 
-def time_is_up(limit_s: float) -> Verdict:
-    """Return the verdict on what has not ended within the time limit of its scene [s]."""
-    return Verdict(Outcome.TIMEOUT, f"the time limit of {limit_s:g} s is over")
+def time_is_up(limit_s: float, still_to_do: str = "") -> Verdict:
+    """Return the verdict on what has not ended within the time limit of its scene [s], and why, in words."""
+    why = f": {still_to_do}" if still_to_do else ""
+    return Verdict(Outcome.TIMEOUT, f"the time limit of {limit_s:g} s is over{why}")
 
 
 def decisive_step(steps: Sequence[StepResult]) -> StepResult:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -158,11 +159,19 @@ def test_a_mission_in_which_no_step_began_has_a_reason(line_of_three: Path) -> N
     result, starts = run(load_scene(line_of_three, silent))
     assert (result.steps, starts) == ((), {})
     assert result.decisive_step is None
-    assert (result.outcome, result.reason) == (Outcome.TIMEOUT, "the time limit of 2 s is over")
+    reason = "the time limit of 2 s is over: under way: a, b, c"  # routes, of which they never hear
+    assert (result.outcome, result.reason) == (Outcome.TIMEOUT, reason)
     assert result.mission is not None
     assert result.mission.messages_lost == result.mission.messages_sent > 0
     assert result.mission.makespan_s is None
     assert TrialResult.from_json(result.to_json()) == result
+
+
+def test_a_mission_whose_time_is_up_says_who_waits_for_whom(shipped: Load) -> None:
+    fast = {"plant": "unicycle", "perception": "parametric", "as_built": "perfect", "time_limit_s": "8"}
+    result, _ = run(shipped("assemble_line", fast))
+    assert result.outcome is Outcome.TIMEOUT
+    assert re.search(r" is over: .*\bc waits for b; .*\bunder way: .*\bf\b", result.reason), result.reason
 
 
 def test_units_that_nobody_sees_for_a_while_go_on_when_they_are_seen_again(
