@@ -77,8 +77,10 @@ def _check(scene: Scene) -> None:
         check_views(scene, world, bodies)
         if scene.coordinated:
             from msrr_bullet.robot.unit_programs import check_programs
+            from msrr_bullet.trial.reconfiguration_check import check_reconfiguration
 
             begin_mission(environment, telemetry, NullProfiler())
+            check_reconfiguration(scene)
             check_programs(scene.told())
         for index in () if scene.coordinated else in_order(scene.docks):
             step = begin_planned(environment, index, telemetry, NullProfiler())

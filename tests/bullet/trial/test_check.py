@@ -166,7 +166,7 @@ def test_a_shape_is_built_from_one_assembly_by_those_who_are_in_it(
     units = [f"{u}: {{number: {k}, pose: {free.get(u, '{}')}}}" for k, u in enumerate("abcd")]
     path = tmp_path / "chain.yaml"
     path.write_text(
-        f"{{arena: {{y_m: [-1.7, 1.7]}}, cameras: {{overhead: {{height_m: 4.0}}}}, "
+        f"{{arena: {{y_m: [-2.7, 2.7]}}, cameras: {{overhead: {{height_m: 6.5}}}}, "
         f"units: {{{', '.join(units)}}}, assembled: [{assembled}], {task}}}\n"
     )
     scene = load_scene(path, {"plant": "unicycle", "perception": "parametric"})
@@ -176,6 +176,32 @@ def test_a_shape_is_built_from_one_assembly_by_those_who_are_in_it(
     with pytest.raises(SceneError) as caught:
         check_trial(scene)
     assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("shape", "key"),
+    [
+        ("{line: 3}", ""),
+        ("[{line: 3}, {tree: {p: root, q: p.right, r: q.rear}}]", "shape.1.tree"),
+        ("{named: true, tree: {a: root, b: a.rear, c: a.right}}", "shape.tree"),
+    ],
+)
+def test_a_shape_is_refused_that_does_not_fit_around_the_root_of_an_assembly(
+    shape: str, key: str, tmp_path: Path
+) -> None:
+    """The root stays where it is, near the wall at its right: the mission ended before it had begun."""
+    path, blind = tmp_path / "chain.yaml", {"plant": "unicycle", "perception": "parametric"}
+    path.write_text(
+        "{arena: {x_m: [-1.5, 1.5], y_m: [-1.8, 1.8]}, cameras: {overhead: {height_m: 5.0}}, "
+        "units: {a: {number: 0, pose: {x_m: 0.9, y_m: -0.9}}, b: {number: 1}, c: {number: 2}}, "
+        f"assembled: [{CHAIN}], shape: {shape}}}\n"
+    )
+    if key:
+        with pytest.raises(SceneError) as caught:
+            check_trial(load_scene(path, blind))
+        assert f"chain.yaml: {key}: the shape and the lanes to it do not fit" in str(caught.value)
+        assert "move units.a.pose, enlarge the arena, or raise cameras" in str(caught.value)
+    check_trial(load_scene(path, {**blind, **({"units.a.pose.y_m": "0"} if key else {})}))
 
 
 def test_a_shape_is_refused_where_the_overhead_camera_sees_too_little_of_the_arena(tmp_path: Path) -> None:
