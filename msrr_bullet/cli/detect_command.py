@@ -203,8 +203,8 @@ def _pose_table(pictures: Sequence[PictureTags]) -> Table:
 
 def _numbers(poses: Sequence[TagPose]) -> Iterator[str]:
     for pose in poses:
-        yield from (f"{x:.4f}" for x in pose.X_CT.p)
-        yield from (f"{x:.2f}" for x in (_yaw_deg(pose), pose.reprojection_px))
+        yield from (f"{x:z.4f}" for x in pose.X_CT.p)
+        yield from (f"{x:z.2f}" for x in (_yaw_deg(pose), pose.reprojection_px))
 
 
 def _yaw_deg(pose: TagPose) -> float:

@@ -155,7 +155,7 @@ def _name_older_files(folder: Path) -> None:
 def _progress_line(progress: Progress) -> str:
     position = ""
     if progress.believed is not None:
-        position = f", believed to be {-1000.0 * progress.believed.x:.0f} mm from the target"
+        position = f", believed to be {-1000.0 * progress.believed.x:z.0f} mm from the target"
     return (
         f"{progress.step.unit} to {progress.step.to}: {progress.time_s:6.2f} s, attempt {progress.attempt}, "
         f"{progress.phase.value.replace('_', ' ')}{position}"

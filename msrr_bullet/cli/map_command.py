@@ -143,7 +143,7 @@ def _tags_table(found: TagMap) -> Table:
     for column in ("tag", "pictures", "x [m]", "y [m]", "z [m]", "± [mm]", "± [deg]", "RMS [px]"):
         table.add_column(column, justify="right")
     for tag_id, tag in found.tags.items():
-        x, y, z = (f"{value:.4f}" for value in tag.X_MT.p.tolist())
+        x, y, z = (f"{value:z.4f}" for value in tag.X_MT.p.tolist())
         spread = f"{1e3 * tag.sigma_m:.2g}", f"{math.degrees(tag.sigma_rad):.2g}"
         rms = _rms(s for s in found.sightings if s.kept and s.tag_id == tag_id)
         table.add_row(str(tag_id), str(tag.pictures), x, y, z, *spread, f"{rms:.2f}")

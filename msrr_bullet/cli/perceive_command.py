@@ -118,7 +118,7 @@ def _lines(result: RecordingResult) -> list[str]:
     lines.append(
         f"{result.estimates} of {result.instants} instants with an estimate, ± {_text(result.median_sigma)} "
         f"(median); the last, {result.last_unseen_s:.2f} s after the target was seen: "
-        f"x {x:.4f} m, y {y:.4f} m, yaw {math.degrees(yaw):.2f} deg ± {_text(result.last_sigma)}"
+        f"x {x:z.4f} m, y {y:z.4f} m, yaw {math.degrees(yaw):z.2f} deg ± {_text(result.last_sigma)}"
     )
     return [*lines, *result.warnings()]
 

@@ -208,10 +208,10 @@ def _present_text(scene: Scene, snapshot: Snapshot) -> str:
     gap, lateral, heading = port_in_dock(scene, snapshot, first.estimate)
     text = "no estimate of the target"
     if math.isfinite(gap):
-        lateral_mm, heading_deg = 1e3 * lateral, math.degrees(heading)
-        text = f"believed at {1e3 * gap:.0f} mm, lateral {lateral_mm:+.1f} mm, heading {heading_deg:+.1f} deg"
+        text = f"believed at {1e3 * gap:z.0f} mm, lateral {1e3 * lateral:+z.1f} mm, "
+        text += f"heading {math.degrees(heading):+z.1f} deg"
     if first.twist is not None:
-        text += f"; {first.twist.v:+.2f} m/s"
+        text += f"; {first.twist.v:+z.2f} m/s"
     return f"{text}; after {first.reason}" if first.phase is Phase.RETREAT else text
 
 

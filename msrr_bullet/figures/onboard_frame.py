@@ -94,4 +94,4 @@ def _los_text(los: LosObservation | None) -> str:
     if los is None or los.status is LosStatus.LOST:
         return "line of sight lost"
     left, right = math.degrees(los.left), math.degrees(los.right)
-    return f"line of sight {los.status.value}, {left:+.1f} to {right:+.1f} deg"
+    return f"line of sight {los.status.value}, {left:+z.1f} to {right:+z.1f} deg"

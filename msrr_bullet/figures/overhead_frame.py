@@ -76,7 +76,7 @@ def draw_overhead(
     if snapshot.clearance is not None and snapshot.clearance.distance > 0.0:
         a, b = on_floor([snapshot.clearance.point_a, snapshot.clearance.point_b], context.top_tags_m)
         drawing.line(np.stack([a, b]), CLEARANCE, 2)
-        text = f"{1e3 * snapshot.clearance.distance:.0f} mm"
+        text = f"{1e3 * snapshot.clearance.distance:z.0f} mm"
         drawing.canvas.text(drawing.perspective.pixels(0.5 * (a + b)[None])[0], text, CLEARANCE)
     if snapshot.mission is not None:
         return annotate(context, view, snapshot, drawing, "", _MISSION_LEGEND)

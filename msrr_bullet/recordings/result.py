@@ -73,7 +73,7 @@ class LearnedError(BaseModel, frozen=True):
     def text(self) -> str:
         """Return it in words."""
         of_tag = "" if self.tag is None else f" of tag {self.tag}"
-        known = f"{self.error:+.3g} ± {self.sigma:.1g}, tolerance {self.tolerance:.3g}"
+        known = f"{self.error:+z.3g} ± {self.sigma:.1g}, tolerance {self.tolerance:.3g}"
         return f"{self.quantity}{of_tag} {known}"
 
 

@@ -95,7 +95,7 @@ def systematic(value: Slope | None) -> str:
     """Return the part of a slope that is the same in every trial, with its sign."""
     if value is None or value.systematic is None:
         return NONE
-    return f"{value.systematic:+.3g}"
+    return f"{value.systematic:+z.3g}"
 
 
 def grade_cells(sample: GradeSample, found: Sequence[Contribution], all_graded: bool) -> list[str]:

@@ -79,18 +79,18 @@ class ArenaJudge:
         if nearest is not None and nearest.distance <= 0.0:
             (x, y), beside = nearest.point_a, " beside its port" if nearest.pair in docking else ""
             one, other = self._in_order(nearest, docking)
-            said = f"{one} touched {other}{beside} at ({x:.2f}, {y:.2f}) m"
+            said = f"{one} touched {other}{beside} at ({x:z.2f}, {y:z.2f}) m"
             if other in appeared:
-                said = f"{other} appeared where {one} stood, at ({x:.2f}, {y:.2f}) m"
+                said = f"{other} appeared where {one} stood, at ({x:z.2f}, {y:z.2f}) m"
             return Safety(Verdict(Outcome.COLLISION, said), nearest.pair, nearest)
         tested, limits = nearest, None
         while tested is not None and tested.distance < limit:
             limits = _neighbour_limits(docking.values()) if limits is None else limits
             if tested.distance < limits.get(tested.pair, limit):
                 one, other = self._in_order(tested, docking)
-                said = f"{one} came within {1e3 * tested.distance:.0f} mm of {other}"
+                said = f"{one} came within {1e3 * tested.distance:z.0f} mm of {other}"
                 if other in appeared:
-                    said = f"{other} appeared within {1e3 * tested.distance:.0f} mm of {one}"
+                    said = f"{other} appeared within {1e3 * tested.distance:z.0f} mm of {one}"
                 return Safety(Verdict(Outcome.CLEARANCE_VIOLATED, said), tested.pair, nearest)
             exempt.add(tested.pair)
             tested = self._clearance.minimum(poses, exempt, below)
@@ -98,7 +98,7 @@ class ArenaJudge:
         for unit in self._units:
             X_WU = poses[unit]
             if not (x_min <= X_WU.x <= x_max and y_min <= X_WU.y <= y_max):
-                said = f"{unit} left the arena at ({X_WU.x:.2f}, {X_WU.y:.2f}) m"
+                said = f"{unit} left the arena at ({X_WU.x:z.2f}, {X_WU.y:z.2f}) m"
                 return Safety(Verdict(Outcome.LEFT_ARENA, said), frozenset({unit}), nearest)
         return _SAFE if nearest is None else Safety(None, frozenset(), nearest)
 

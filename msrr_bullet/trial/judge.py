@@ -243,10 +243,8 @@ class Judge:
         if seating is None:
             return Verdict(Outcome.FALSE_DOCK, "the unit is not at the port")
         if not seating.seated:
-            gap, side = 1e3 * seating.axial_gap_m, 1e3 * seating.lateral_m
-            off = (
-                f"{gap:.1f} mm before the end, {side:.1f} mm and {math.degrees(seating.yaw_rad):.1f} deg off"
-            )
+            gap, side, yaw = 1e3 * seating.axial_gap_m, 1e3 * seating.lateral_m, math.degrees(seating.yaw_rad)
+            off = f"{gap:z.1f} mm before the end, {side:z.1f} mm and {yaw:z.1f} deg off"
             return Verdict(Outcome.FALSE_DOCK, f"the pins are not seated: {off}")
         return Verdict(Outcome.DOCKED) if engaged else Verdict(Outcome.FALSE_DOCK, "the lock holds nothing")
 

@@ -88,7 +88,7 @@ def _texts(snapshot: Snapshot) -> dict[str, str]:
         distance, yaw = math.hypot(error_pose.x, error_pose.y), math.degrees(error_pose.yaw)
         texts["belief off by"] = f"{1e3 * distance:.1f} mm {yaw:+z.1f}°"
     if snapshot.clearance is not None:
-        texts["clearance"] = f"{1e3 * snapshot.clearance.distance:.0f} mm"
+        texts["clearance"] = f"{1e3 * snapshot.clearance.distance:z.0f} mm"
         texts["nearest pair"] = f"{snapshot.clearance.body_a} – {snapshot.clearance.body_b}"
     if first.monitor is not None:
         texts["collision monitor"] = f"{first.monitor.state.value}, {first.monitor}"

@@ -105,7 +105,7 @@ def not_parted(c: DockingContext) -> str | None:
         return f"stuck, seen at {c.view}" if in_port else None
     if report is not None and report.position is not LockPosition.OPEN:
         return f"stuck, not seen, and the lock reports {report.position.value}"
-    return f"stuck, {1e3 * c.gap:.0f} mm away by odometry" if in_port else None
+    return f"stuck, {1e3 * c.gap:z.0f} mm away by odometry" if in_port else None
 
 
 def not_undocked(c: DockingContext) -> str | None:
@@ -113,9 +113,9 @@ def not_undocked(c: DockingContext) -> str | None:
     switches, report = c.observation.switches, c.observation.lock
     if not lock_is_open(c):
         says = "nothing" if report is None else report.position.value
-        return f"the lock reports {says}, {c.gap:.3f} m away"
+        return f"the lock reports {says}, {c.gap:z.3f} m away"
     if switches is not None and switches.both:
-        return f"both seat switches are closed, {c.gap:.3f} m away"
+        return f"both seat switches are closed, {c.gap:z.3f} m away"
     if c.gap < c.spec.retreat_m - c.tuning.arrived_m:
-        return f"the retreat ended {c.gap:.3f} m away, {c.spec.retreat_m:.3f} m were to be backed out"
+        return f"the retreat ended {c.gap:z.3f} m away, {c.spec.retreat_m:.3f} m were to be backed out"
     return None

@@ -39,9 +39,9 @@ class PortView(NamedTuple):
 
     def __str__(self) -> str:
         return (
-            f"{1e3 * self.gap:.1f} mm, lateral {1e3 * self.lateral:.1f} mm, {math.degrees(self.yaw):.1f} deg"
-            f" (sigma {1e3 * self.sigma_gap:.1f} mm, {1e3 * self.sigma_lateral:.1f} mm,"
-            f" {math.degrees(self.sigma_yaw):.1f} deg)"
+            f"{1e3 * self.gap:z.1f} mm, lateral {1e3 * self.lateral:z.1f} mm,"
+            f" {math.degrees(self.yaw):z.1f} deg (sigma {1e3 * self.sigma_gap:.1f} mm,"
+            f" {1e3 * self.sigma_lateral:.1f} mm, {math.degrees(self.sigma_yaw):.1f} deg)"
         )
 
     @classmethod

@@ -254,12 +254,12 @@ def _after_retreat(c: DockingContext) -> Transition:
         after = "" if c.undocking else f" after: {c.belief.reason}"
         return Transition(Phase.FAILED, f"not released: {stuck}{after}", FailureReason.NOT_RELEASED)
     if c.undocking:
-        return Transition(Phase.DONE, f"undocked, {c.gap:.3f} m away")
+        return Transition(Phase.DONE, f"undocked, {c.gap:z.3f} m away")
     if c.attempt >= c.spec.attempts:
         reason = f"gave up after {counted(c.attempt, 'attempt')}: {c.belief.reason}"
         return Transition(Phase.FAILED, reason, c.belief.setback)
     c.attempt += 1
-    reason = f"attempt {c.attempt} from {c.gap:.3f} m: {c.belief.reason}"
+    reason = f"attempt {c.attempt} from {c.gap:z.3f} m: {c.belief.reason}"
     if not c.reassemble or c.assembler is None:
         return Transition(Phase.HAND_OVER, reason)
     c.reassemble = False

@@ -120,16 +120,16 @@ def _check_end(
         outside = "outside the picture of the overhead camera" if inside else "outside the arena"
         mend = ", or raise cameras.overhead.height_m" if inside else ""
         raise SceneError(
-            f"{where}: the place in front of {step.to}, ({end.x:.2f}, {end.y:.2f}), lies {outside}; turn or "
-            f"move {step.target_unit!r}, or lower control.assembly.params.route.handover_m{mend}"
+            f"{where}: the place in front of {step.to}, ({end.x:z.2f}, {end.y:z.2f}), lies {outside}; turn "
+            f"or move {step.target_unit!r}, or lower control.assembly.params.route.handover_m{mend}"
         )
     for disc in bodies:
         room = disc.radius + setup.half_width - spread
         space = FreeSpace((-math.inf, math.inf, -math.inf, math.inf), (disc._replace(radius=room),))
         if room > 0.0 and not space.allows(end.translation[None]):
             raise SceneError(
-                f"{where}: {disc.name} stands on the place in front of {step.to}, ({end.x:.2f}, "
-                f"{end.y:.2f}); move it at least {room:.2f} m away from there"
+                f"{where}: {disc.name} stands on the place in front of {step.to}, ({end.x:z.2f}, "
+                f"{end.y:z.2f}); move it at least {room:.2f} m away from there"
             )
 
 

@@ -223,7 +223,7 @@ def _wheel_axis(tree: LinkTree, wheel: str) -> tuple[Element, float]:
     y = tree.frames[wheel].R @ (xyz / np.linalg.norm(xyz))
     if abs(y[1]) < 1.0 - 0.5 * _ALONG**2:
         raise GeometryError(
-            f"{tree.path}: {wheel!r} turns about ({', '.join(f'{v:.3f}' for v in y)}) of the frame axle; a "
+            f"{tree.path}: {wheel!r} turns about ({', '.join(f'{v:z.3f}' for v in y)}) of the frame axle; a "
             "wheel turns about its y axis. Is the frame axle turned?"
         )
     return axis, 1.0 if y[1] > 0.0 else -1.0

@@ -59,11 +59,11 @@ def _tyre(path: Path, X_UL: SE3, wheel: str, solids: Iterable[Solid]) -> Solid:
     off = (tyre.X_UG.p - X_UL.p)[[0, 2]]
     if np.abs(off).max() > _TOLERANCE_M:
         raise GeometryError(
-            f"{path}: the collision shape of {wheel!r} is ({off[0]:.4f}, {off[1]:.4f}) m off its axis, "
+            f"{path}: the collision shape of {wheel!r} is ({off[0]:z.4f}, {off[1]:z.4f}) m off its axis, "
             "forward and up, so that the wheel would wobble; correct the <origin> of the shape"
         )
     if tyre.kind == "cylinder" and abs(tyre.X_UG.R[1, 2]) < _ALONG:
-        axis = ", ".join(f"{value:.3f}" for value in tyre.X_UG.R[:, 2])
+        axis = ", ".join(f"{value:z.3f}" for value in tyre.X_UG.R[:, 2])
         raise GeometryError(
             f"{path}: the collision shape of {wheel!r}, a cylinder, has its axis along ({axis}) of the frame "
             "axle, and not along y; z of a cylinder is its axis, so turn its <origin>"
@@ -77,7 +77,7 @@ def _check_axle(path: Path, left: Array, right: Array, radius: float) -> None:
     if max(abs(x), abs(y), abs(z)) > _TOLERANCE_M or left[1] <= right[1]:
         found = f"the left wheel is at y = {left[1]:.4f} m, the right one at {right[1]:.4f}: swap the two"
         if left[1] > right[1]:
-            found = f"that point is at ({x:.4f}, {y:.4f}, {z:.4f}) m in it"
+            found = f"that point is at ({x:z.4f}, {y:z.4f}, {z:z.4f}) m in it"
         raise GeometryError(
             f"{path}: the frame axle has to be on the ground under the middle between the wheels, x forward; "
             f"{found}. In a scene: frames: {{axle: {{link: ..., x_m: ..., z_m: ...}}}}"

@@ -65,7 +65,7 @@ def _aside(own: UnitGeometry, port: str) -> str | None:
         return None
     return (
         f"port_{port} is {1e3 * abs(X_UP.y):.1f} mm beside the x axis of the frame axle and turned by "
-        f"{math.degrees(X_UP.yaw):.1f} deg; a robot docks with what is straight ahead of its axle"
+        f"{math.degrees(X_UP.yaw):z.1f} deg; a robot docks with what is straight ahead of its axle"
     )
 
 

@@ -98,7 +98,7 @@ class CollisionMonitorState:
         if self.body is None or self.clearance is None:
             return "no body near"
         certain = min(max(self.ahead, 0.0), self.clearance)
-        return f"{1e3 * self.clearance:.0f} mm to {self.body}, {1e3 * certain:.0f} mm of it certain ahead"
+        return f"{1e3 * self.clearance:z.0f} mm to {self.body}, {1e3 * certain:.0f} mm of it certain ahead"
 
 
 @dataclass(frozen=True, slots=True)

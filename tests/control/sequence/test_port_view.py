@@ -50,6 +50,12 @@ def test_directions_are_those_that_the_camera_sees(X_DU: SE2) -> None:
     assert min(edges) < view.bearing < max(edges)
 
 
+def test_nothing_is_not_below_zero() -> None:
+    """Reasons said that a unit was off by -0.0 deg."""
+    view = _view(SE2())._replace(gap=-1e-5, lateral=-4e-5, yaw=-8e-4)
+    assert str(view).startswith("0.0 mm, lateral 0.0 mm, 0.0 deg (sigma 0.0 mm,")
+
+
 def test_known_directions() -> None:
     """As far beside the target's middle as before it: it lies 45 deg to the other side."""
     x = FACTS.los.setback_m - 0.4 - FACTS.camera_offset
