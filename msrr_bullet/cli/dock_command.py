@@ -158,5 +158,5 @@ def _progress_line(progress: Progress) -> str:
         position = f", believed to be {-1000.0 * progress.believed.x:z.0f} mm from the target"
     return (
         f"{progress.step.unit} to {progress.step.to}: {progress.time_s:6.2f} s, attempt {progress.attempt}, "
-        f"{progress.phase.value.replace('_', ' ')}{position}"
+        f"{progress.phase.text}{position}"
     )

@@ -147,7 +147,7 @@ class Snapshot:
 
 def phase_name(phase: Phase | None) -> str:
     """Return the name of a phase in words; none has an empty one."""
-    return "" if phase is None else phase.value.replace("_", " ")
+    return "" if phase is None else phase.text
 
 
 def step_histories(

@@ -110,7 +110,7 @@ class Telemetry:
         action, last = step.action, self._last_actions.get(step.index)
         self._last_actions[step.index] = action
         if last is None or (last.phase, last.attempt) != (action.phase, action.attempt):
-            text = f"attempt {action.attempt}: {action.phase.value}: {action.reason}"
+            text = f"attempt {action.attempt}: {action.phase.text}: {action.reason}"
             self.event(action.stamp_ns, step.step.unit, text)
 
     def verdict(self, stamp_ns: int, step: DockingStep) -> None:

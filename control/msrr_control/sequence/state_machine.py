@@ -122,7 +122,7 @@ class PhaseMachine:
         """
         # A unit whose belief was lost while it was docked may still hang in its lock.
         if self._phase is not Phase.DONE or self._context.undocking:
-            raise MsrrError(f"cannot undock in phase {self._phase.value!r}: the unit is not docked")
+            raise MsrrError(f"cannot undock in phase {self._phase.text!r}: the unit is not docked")
         if retreat_m is not None:
             self._context.spec = self._context.spec.model_copy(update={"retreat_m": retreat_m})
         self._context.belief, self._context.undocking = Belief(), True
@@ -193,7 +193,7 @@ class PhaseMachine:
     def _limited(self, twist: Twist) -> Twist:
         """Return a twist within the limits of the drive in this phase."""
         if not (math.isfinite(twist.v) and math.isfinite(twist.w)):
-            raise ProgramFailedError(f"a law commanded {twist} in phase {self._phase.value}")
+            raise ProgramFailedError(f"a law commanded {twist} in phase {self._phase.text}")
         limits = self._context.setup.limits
         v = limits.v_max_mps if self._phase is Phase.ASSEMBLE else limits.v_close_mps
         w = limits.w_max_radps

@@ -137,6 +137,11 @@ class Phase(Enum):
     FAILED = "failed"
     """The unit has given up."""
 
+    @property
+    def text(self) -> str:
+        """The phase in words, as messages name it."""
+        return self.value.replace("_", " ")
+
 
 @dataclass(frozen=True, slots=True)
 class Action:

@@ -122,7 +122,7 @@ def test_events_are_the_changes_of_phase_and_the_verdict(docking: Watched, missi
         phases = [phase for phase, _ in itertools.groupby(p.phase for p in trial.progress)]
         assert [event.source for event in changes] == ["a"] * len(phases)
         for event, phase in zip(changes, phases, strict=True):
-            assert event.text.startswith(f"attempt 1: {phase.value}: ")
+            assert event.text.startswith(f"attempt 1: {phase.text}: ")
         assert of_step.source == "judge"
         assert of_step.text.startswith(f"a to b.rear: {trial.result.outcome.value}")
         assert (verdict.source, verdict.text) == ("judge", trial.result.outcome.value)
