@@ -180,16 +180,17 @@ def sight(axes: Axes, series: TrialSeries, scene: Scene) -> None:
         for column, colour, side in ((0, GREEN, "left"), (1, VERMILLION, "right")):
             axes.plot(series.time, angles[:, column], style, color=css(colour), label=f"{side}, {how}")
     half_fov = math.degrees(scene.cameras.onboard.lens.half_fov)
-    for limit, style, name in (
-        (scene.los.inner_deg, "--", "inner"),
-        (scene.los.outer_deg, "-.", "outer"),
+    bounds = (
         (half_fov, "-", "field of view"),
-    ):
+        (scene.los.outer_deg, "-.", "outer"),
+        (scene.los.inner_deg, "--", "inner"),
+    )
+    for limit, style, _ in bounds:
         for sign in (1.0, -1.0):
             axes.axhline(sign * limit, color=css(DARK), linestyle=style, linewidth=0.8)
-        axes.annotate(
-            name, (1.0, limit), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=7
-        )
+    # Beside their lines the names of two that are near each other would lie on each other.
+    limits = ", ".join(f"{name} {limit:.3g} deg" for limit, _, name in bounds)
+    axes.set_title(limits, fontsize=7, loc="right", pad=2)
     # The legend is one row below the field of view, where no edge is seen.
     axes.set(ylabel="edge angle [deg]", ylim=(-1.5 * half_fov, 1.2 * half_fov))
     add_grid(axes)

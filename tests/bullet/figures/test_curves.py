@@ -70,6 +70,16 @@ def test_the_clearance_names_the_limits_of_judge_and_collision_monitor(drive):
     assert np.nanmin(drawn) == np.nanmin(series.clearance) > 0.0, "the docking pair is left out"
 
 
+def test_the_line_of_sight_names_its_limits_above_the_plot(drive):
+    """Beside their lines "outer" lay on "field of view"."""
+    axes = Figure().add_subplot()
+    curves.sight(axes, TrialSeries.of(drive.scene, drive.snapshots), drive.scene)
+    assert axes.get_title(loc="right") == "field of view 37.5 deg, outer 30 deg, inner 20 deg"
+    assert not axes.texts
+    drawn = sorted(abs(line.get_ydata()[0]) for line in axes.lines if len(line.get_ydata()) == 2)
+    assert drawn == pytest.approx([20.0, 20.0, 30.0, 30.0, 37.5, 37.5])
+
+
 def test_limits_of_a_collision_monitor_that_a_scene_does_not_have_are_not_drawn(drive, shipped):
     """The plot of close_range, which has no overhead camera, told of one that slows at 50 mm."""
     axes = Figure().add_subplot()
