@@ -22,7 +22,7 @@ from msrr_bullet.log.frames import FRAMES_OF, LoggedFrame
 from msrr_bullet.log.header import LIBRARY, METADATA, LogHeader
 from msrr_bullet.log.mcap_records import mcap_records
 from msrr_bullet.log.records import CameraWindow
-from msrr_scenes.errors import UnknownNameError
+from msrr_scenes.errors import MsrrError, UnknownNameError
 
 T = TypeVar("T")
 
@@ -265,6 +265,24 @@ def unpacked_log(path: str | Path) -> Iterator[Log]:
     Raises:
         LogError: The log cannot be read, or a file in it has an unsafe name.
     """
-    log = read_log(path)
-    with TemporaryDirectory(prefix="msrr-log-") as folder:
-        yield replace(log, header=log.header.unpacked(Path(folder)))
+    with unpacked(read_log(path)) as log:
+        yield log
+
+
+@contextmanager
+def unpacked(log: Log) -> Iterator[Log]:
+    """Unpack the URDFs of a log into a temporary folder for the duration of the ``with`` block.
+
+    Raises:
+        LogError: A file in the log has an unsafe name, or an error in the block names one of these files, and
+            so a folder that is gone by now.
+    """
+    with TemporaryDirectory(prefix="msrr-log-") as name:
+        folder = Path(name).resolve()
+        try:
+            yield replace(log, header=log.header.unpacked(folder))
+        except MsrrError as error:
+            if f"{folder}/" not in str(error):
+                raise
+            named, text = f"{log.path}: ", str(error).replace(f"{folder}/", "")
+            raise LogError(text if text.startswith(named) else named + text) from error

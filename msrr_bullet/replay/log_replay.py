@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
-from msrr_bullet.log.reader import read_log
+from msrr_bullet.log.codec import LogError
+from msrr_bullet.log.reader import read_log, unpacked
 from msrr_bullet.replay.comparison import ReplayError, ReplayReport
 from msrr_bullet.replay.coordinated_replayer import CoordinatedReplayer
 from msrr_bullet.replay.planned_replayer import PlannedReplayer, RobotFactory, fail_safe_autonomy
+from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import check_scene
 from msrr_scenes.registry import choices, is_import_path
 
@@ -22,9 +23,8 @@ def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool =
         trust: Whether classes that the log names by their import paths may be built. That runs their code.
 
     Raises:
-        LogError: The log cannot be read.
+        LogError: The log cannot be read, or its scene contradicts itself.
         ReplayError: The log is not that of a trial, or names a class by import path and is not trusted.
-        SceneError: The scene of the log contradicts itself.
     """
     log = read_log(run)
     if log.header.recording is not None:
@@ -37,9 +37,12 @@ def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool =
             f"{log.path}: the log names {', '.join(named)} by import path, and a replay would run that code; "
             "give --trust if you trust the log and the code"
         )
-    with tempfile.TemporaryDirectory(prefix="msrr-replay-") as folder:
-        scene = log.header.unpacked(Path(folder)).scene.told()
-        check_scene(scene)  # a trial was run of it, but the log may have been changed since
+    with unpacked(log) as files:
+        scene = files.header.scene.told()
+        try:
+            check_scene(scene)  # a trial was run of it, but the log may have been changed since
+        except SceneError as error:
+            raise LogError(f"{log.path}: {error}") from error
         if scene.coordinated:
             return CoordinatedReplayer(log, scene).run()
         return PlannedReplayer(log, scene, robot).run()

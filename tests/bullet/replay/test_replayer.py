@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -10,7 +12,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from msrr_bullet.log import Log, LogError, LogHeader, LogRecord, read_log, topics
+from msrr_bullet.log import Log, LogError, LogHeader, LogRecord, read_log, topics, unpacked_log
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.records import CameraWindow, StepStart
 from msrr_bullet.replay.comparison import ReplayError, ReplayReport
@@ -186,3 +188,22 @@ def test_messages_that_are_missing_are_named(
 def test_a_missing_log_is_refused(tmp_path: Path, hash_robot: type) -> None:
     with pytest.raises(LogError, match="cannot read the log"):
         replay(tmp_path / "gone", hash_robot)
+
+
+def test_a_spoilt_urdf_of_a_log_is_told_by_the_name_of_the_log(
+    tmp_path: Path, pair: Scene, hash_robot: type
+) -> None:
+    """It was told by the path of a temporary file, which was gone by then."""
+    header = LogHeader.of(pair, 0, {})
+    cut = {name: content.replace(b"</robot>", b"") for name, content in header.files.items()}
+    path = tmp_path / "trial.mcap"
+    with McapRecorder(path, dataclasses.replace(header, files=cut)):
+        pass
+    told = "urdf/0/unit.urdf: not well-formed XML"
+    with pytest.raises(LogError, match=rf"^{re.escape(str(path))}: scene: units\.\w\.urdf: {told}"):
+        replay(path, hash_robot)
+    with (
+        pytest.raises(LogError, match=rf"^{re.escape(str(path))}: {told}"),
+        unpacked_log(path) as log,
+    ):
+        log.header.scene.geometry("a")
