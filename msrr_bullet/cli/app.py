@@ -11,6 +11,7 @@ import os
 import re
 import signal
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -55,6 +56,10 @@ app = typer.Typer(
 )
 
 
+#: Time for which Python waits at the end for threads without a word [s].
+_SILENT_S = 2.0
+
+
 def main() -> None:
     """Run the program with the arguments of the process."""
     # Imports make objects that stay. By default the collector looks for garbage among them for every 700 new
@@ -70,7 +75,22 @@ def main() -> None:
         signal.signal(signal.SIGHUP, _terminate)
     code = run(sys.argv[1:])
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # from here on Ctrl-C has nothing to save, and no traceback
+    waits = threading.Timer(_SILENT_S, _name_threads)
+    waits.daemon = True
+    waits.start()
     sys.exit(code)
+
+
+def _name_threads() -> None:
+    """Say which threads Python waits for: those that a class of a user's own has started."""
+    main_thread = threading.main_thread()
+    left = [each.name for each in threading.enumerate() if not each.daemon and each is not main_thread]
+    if left:
+        report_error(
+            f"all is done, but Python waits for {', '.join(left)}, as it does for a thread of a class of "
+            "your own that is not started with daemon=True; Ctrl-C ends it",
+            0,
+        )
 
 
 def _terminate(number: int, frame: object) -> NoReturn:

@@ -276,3 +276,20 @@ def test_no_file_gets_the_number_of_a_closed_stream() -> None:
     )
     for closed in ("<&-", ">&-", "2>&-"):
         assert subprocess.run(f"{sys.executable} -c '{code}' {closed}", shell=True).returncode > 2
+
+
+@pytest.mark.parametrize("daemon", [True, False])
+def test_a_thread_that_keeps_the_program_from_ending_is_named(daemon: bool) -> None:
+    """All was done, and nothing said why the program did not end."""
+    program = (
+        "import sys, threading, time\n"
+        "from msrr_bullet.cli import app\n"
+        "app._SILENT_S = 0.2\n"
+        f"threading.Thread(target=time.sleep, args=[2.0], name='of mine', daemon={daemon}).start()\n"
+        "sys.argv = ['msrr', 'scenes']\n"
+        "app.main()\n"
+    )
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert ran.returncode == 0
+    assert ("Python waits for of mine, as it does" in ran.stderr) is not daemon
+    assert daemon is (ran.stderr == "")
