@@ -232,10 +232,14 @@ def reconfiguration_tasks(
     hops = Reconfiguration(lanes, X_WR, box).hops(start, goal)
     unit_at = {place: unit for unit, place in ports.items()}
     task_of: dict[str, str] = {}  # the task that brings a unit to where it is by then
+    visits: dict[str, int] = {}
     tasks: list[Task] = []
     for leaves, enters in hops:
         unit, holder = unit_at.pop(leaves), unit_at[enters[:-1]]
-        name = f"{unit} to {holder}.{enters[-1]}"
+        hop = f"{unit} to {holder}.{enters[-1]}"
+        # A unit may come to a port more than once, and tasks are told apart by their names.
+        times = visits[hop] = visits.get(hop, 0) + 1
+        name = hop if times == 1 else f"{hop} ({times})"
         tasks.append(
             Task(
                 name,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from typing import get_args
 
 import pytest
@@ -97,6 +98,23 @@ def test_named_units_end_where_they_are_named(knowledge: Knowledge) -> None:
         holder = task.parent_unit if task.parent is None else task_units[task.parent]
         now[task.unit] = f"{holder}.{task.port}"
     assert now == {"b": "a.rear", "d": "b.rear", "c": "b.left"}
+
+
+@pytest.mark.parametrize("pattern", ["line", "tee", "comb"])
+def test_the_tasks_of_all_hops_lead_to_the_shape(pattern: Pattern, knowledge: Knowledge) -> None:
+    """From a zigzag in a corner, where units come to a port twice on their way: both tasks had one name."""
+    X_WR = SE2(-0.16, -0.91, math.radians(-45.0))
+    places, goal = shape_ports(build_pattern("zigzag", 6)), build_pattern(pattern, 6)
+    name_of = {ports: name for name, ports in places.items()}
+    joints = {name: f"{name_of[ports[:-1]]}.{ports[-1]}" for name, ports in places.items() if ports}
+    tasks = reconfiguration_tasks(joints, goal, knowledge.lanes, X_WR, knowledge.finder.box)
+    unit_of = {task.name: task.unit for task in tasks}
+    assert len(unit_of) == len(tasks)
+    for task in tasks:
+        assert task.unit is not None
+        holder = task.parent_unit if task.parent is None else unit_of[task.parent]
+        joints[task.unit] = f"{holder}.{task.port}"
+    assert set(assembly_ports(joints).values()) == set(shape_ports(goal).values())
 
 
 def test_what_cannot_be_is_refused(knowledge: Knowledge) -> None:
