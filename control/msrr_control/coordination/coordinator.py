@@ -181,6 +181,8 @@ class Coordinator:
         self._stand(unit, now_ns, "" if docked else "was lost and is found again")
         if unit.holder is None:
             unit.stand_down()
+        elif not docked:
+            unit.track = None  # its authority must not be renewed: the route begins with leaving the port
         self._changed = True
 
     def _fail(self, unit: UnitRecord, reason: str, now_ns: int) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from msrr_control.coordination.ledger import SAME_M, UnitRecord
 from msrr_control.coordination.mission import Patience
 from msrr_scenes.geometry.se2 import wrap_angle
-from msrr_scenes.messages import seconds
+from msrr_scenes.messages import NS_PER_S, seconds
 from msrr_scenes.messages.coordination import UnitMode, UnitState
 
 
@@ -53,12 +53,21 @@ class Watch:
         return f"not heard for {unheard:.0f} s" if unheard > most else None
 
     def is_found(self, unit: UnitRecord) -> bool:
-        """Return whether a unit that was lost stands, and was heard and seen since, or tells of its port."""
+        """Return whether a unit that was lost stands, and was heard and seen since, or tells of its port.
+
+        One that stood since it was not heard may drive on by an authority that was sent before it was lost,
+        and has arrived late: it has to stand when that has expired. One that is in the port that it was to
+        enter, or that says that it is lost, stays there.
+        """
         report = unit.report
         if report is None or report.stamp_ns <= unit.still_ns:
             return False
+        if unit.holder is not None and unit.holder == unit.enters:
+            return True
+        expires_ns = 0 if unit.says_lost else round(self._patience.expires_s * NS_PER_S)
         stands = report.mode not in (UnitMode.DRIVING, UnitMode.DOCKING)
-        return stands and (unit.seen_ns > unit.still_ns or unit.holder is not None)
+        seen = unit.seen_ns > unit.still_ns or unit.holder is not None
+        return stands and seen and report.stamp_ns > unit.still_ns + expires_ns
 
     def stagnation(self, unit: UnitRecord, now_ns: int) -> str | None:
         """Return for how long a unit under way made no progress, None if that is not too long."""

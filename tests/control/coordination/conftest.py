@@ -176,6 +176,7 @@ class ToyUnit:
                 return
             self.left, self.holder, self.waited_s = self.holder.partition(".")[0], None, 0.0
         if not self.authority.legs:  # the unit stands where it is to be
+            self.mode = UnitMode.STANDING
             return
         if self.lost or self.hidden:
             self.speed, self.mode = 0.0, UnitMode.STANDING

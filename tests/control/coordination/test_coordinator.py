@@ -268,6 +268,44 @@ def test_a_unit_that_was_silent_for_long_is_taken_up_again(
     assert lost is not docks
 
 
+def test_a_unit_that_hears_of_its_route_after_it_was_lost_is_not_taken_for_one_that_stands(
+    rig: type[Rig], starts: Starts
+) -> None:
+    """The last authority before it was lost arrives a second late, and the unit sets off once more."""
+    shape = build_pattern("line", 3)
+    silence = {"from_s": 3.0, "until_s": 63.5, "units": ["u2"]}
+    radio = RadioSpec.model_validate({"silences": [silence], "latency_ms": 1000})
+    run, lost, lost_routes = rig(Mission(shape=shape), starts(30, 3), radio=radio), 0, set()
+    while run.now_ns < 400e9 and run.status.state is MissionState.RUNNING:
+        run.step()
+        (unit,) = [unit for unit in run.status.units if unit.unit == "u2"]
+        if unit.state is UnitState.LOST:
+            lost += run.units["u2"].mode is UnitMode.DRIVING
+            lost_routes.add(unit.route)
+    assert lost > 0, "it has driven while it counted as lost"
+    assert run.status.state is MissionState.COMPLETE, run.status.reason
+    assert run.is_built(shape)
+    assert len(lost_routes) == 1
+
+
+def test_a_unit_that_is_found_in_the_port_that_it_was_to_leave_stays_there(rig: type[Rig]) -> None:
+    """It never heard of its route, and meanwhile a unit that does not move was put behind it."""
+    body = rig(Mission(), {}).knowledge.lanes.body
+    X_WA = SE2(0.5, 0.0, 0.0)
+    place = body.docked(X_WA, "rear")
+    starts = {"a": X_WA, "b": place, "dead": SE2(-1.5, 1.0, 0.0)}
+    radio = RadioSpec.model_validate({"silences": [{"from_s": 0.0, "until_s": 70.0, "units": ["b"]}]})
+    run = rig(Mission(steps=[UndockStep(undock="b")], holders={"b": "a.rear"}), starts, radio=radio)
+    run.units["dead"].dead_s = -10.0
+    b = run.coordinator._units["b"]
+    _run_until(run, lambda: b.state is UnitState.LOST)
+    run.units["dead"].X_WU = place @ SE2(-0.3, 0.0, 0.0)
+    status = run.run()
+    assert status.state is MissionState.INCOMPLETE
+    assert "dead" in status.reason
+    assert run.joints == {"b": "a.rear"}
+
+
 def test_what_a_silent_unit_may_have_docked_to_stays_where_it_is(rig: type[Rig], starts: Starts) -> None:
     """Nobody hears that it has docked: the shape is not built elsewhere, and who waits is told why."""
     spec = {"silences": [{"from_s": 12.8, "until_s": 1000.0, "units": ["u2"]}]}
