@@ -82,8 +82,8 @@ class TaskEnds:
             X_WE: Where it is to end; None where it only leaves a port.
             enters: Unit and port at which it is to end; None in the open.
         """
-        if unit.state is UnitState.LOST:
-            return f"is lost: {unit.reason}"
+        if unit.out_of_action:
+            return f"{'is lost' if unit.state is UnitState.LOST else 'has failed'}: {unit.reason}"
         if unit.X_WU is None:
             return "was never seen from above"
         if carried := self.carried_by(unit):

@@ -306,6 +306,18 @@ def test_a_unit_that_is_found_in_the_port_that_it_was_to_leave_stays_there(rig: 
     assert run.joints == {"b": "a.rear"}
 
 
+def test_a_step_of_a_unit_that_has_failed_before_says_so(rig: type[Rig]) -> None:
+    """It was told to find no route, of a unit that had seized up before its step began."""
+    starts = {"a": SE2(-1.4, 0.0, 0.0), "b": SE2(0.9, 0.6, 0.0), "c": SE2(-0.3, 0.6, 0.0)}
+    steps = [DockStep(unit="c", to="b.rear"), MoveStep(move="a", pose=PoseSpec(x_m=-0.5, y_m=-0.6))]
+    run = rig(Mission(steps=steps), starts)
+    run.units["a"].dead_s = -10.0
+    status = run.run()
+    assert status.state is MissionState.INCOMPLETE
+    assert status.done == ("c",)
+    assert "a has failed: seized" in status.reason
+
+
 def test_what_a_silent_unit_may_have_docked_to_stays_where_it_is(rig: type[Rig], starts: Starts) -> None:
     """Nobody hears that it has docked: the shape is not built elsewhere, and who waits is told why."""
     spec = {"silences": [{"from_s": 12.8, "until_s": 1000.0, "units": ["u2"]}]}
