@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from msrr_control.coordination.bodies import ACTIVE_PORT, Body
 from msrr_control.coordination.route_request import Standing
@@ -49,6 +49,8 @@ class UnitRecord:
         unlocks: Whether its route begins in a port.
         blocked_by: Unit for which it waits.
         seq: Number of the last authority.
+        expiries: Time at which each authority ends that the unit may have as its newest, by number.
+        expired: Whether the newest authority that the unit had got had ended when it sent its report.
         retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
         evasions: How often it was sent out of the way.
         reason: Why it is in that state, in words.
@@ -75,6 +77,8 @@ class UnitRecord:
     unlocks: bool = False
     blocked_by: str | None = None
     seq: int = 0
+    expiries: dict[int, int] = field(default_factory=dict)
+    expired: bool = False
     retreat_m: float = 0.5
     evasions: int = 0
     reason: str = ""
@@ -123,6 +127,14 @@ class UnitRecord:
         return report is not None and report.route == self.route and report.mode is UnitMode.STANDING
 
     @property
+    def rests(self) -> bool:
+        """Whether the unit stands and will not go on by what it has been sent.
+
+        One whose authority has ended stands short of its limit, and drives on when the next one arrives.
+        """
+        return self.stands and not self.expired
+
+    @property
     def says_lost(self) -> bool:
         """Whether the unit reports of its route that it stands because it is not localised."""
         report = self.report
@@ -131,13 +143,15 @@ class UnitRecord:
     @property
     def stands_at_limit(self) -> bool:
         """Whether the unit has come to rest where its authority ends."""
-        return self.stands and self.progress >= self.limit - SAME_M
+        return self.rests and self.progress >= self.limit - SAME_M
 
     def receive(self, report: UnitReport, now_ns: int) -> None:
         """Take in a report, unless a newer one is known."""
         if self.report is not None and report.stamp_ns <= self.report.stamp_ns:
             return
         self.report, self.heard_ns = report, now_ns
+        self.expired = report.stamp_ns >= self.expiries.get(report.seq, 0)
+        self.expiries = {seq: ends_ns for seq, ends_ns in self.expiries.items() if seq >= report.seq}
         if report.docked_to is None:
             self.holder = None
         else:
@@ -238,6 +252,7 @@ class UnitRecord:
         """
         assert self.track is not None
         self.seq += 1
+        self.expiries[self.seq] = expires_ns
         return Authority(
             unit=self.name,
             route=self.route,

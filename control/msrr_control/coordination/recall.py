@@ -60,7 +60,7 @@ class Recall:
     def _is_held(self, unit: UnitRecord, now_ns: int) -> bool:
         """Return whether a unit that could drive on has been standing for too long."""
         track = unit.track
-        if not unit.under_way or track is None or not unit.stands:
+        if not unit.under_way or track is None or not unit.rests:
             return False
         free = unit.limit - unit.progress > SAME_M and unit.progress < track.dock_start - SAME_M
         heard = seconds(now_ns - unit.heard_ns) < self._patience.silent_s

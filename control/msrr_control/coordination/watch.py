@@ -32,7 +32,7 @@ class Watch:
             return False  # a look will tell
         # Of a turn that is hardly longer than that, something has to be driven.
         off = min(SAME_M, 0.5 * track.length)
-        return report.mode is UnitMode.STANDING and unit.progress >= track.length - off
+        return unit.rests and unit.progress >= track.length - off
 
     def is_at_end(self, unit: UnitRecord) -> bool:
         """Return whether a unit that has driven its route stands where it ends."""

@@ -306,6 +306,30 @@ def test_a_unit_that_is_found_in_the_port_that_it_was_to_leave_stays_there(rig: 
     assert run.joints == {"b": "a.rear"}
 
 
+def test_a_unit_whose_authority_ends_just_before_its_route_does_has_not_arrived(rig: type[Rig]) -> None:
+    """It drives the last millimetres when it is heard again; by then it had got its next route."""
+    steps = [
+        MoveStep(move="a", name="first", pose=PoseSpec(x_m=0.5)),
+        MoveStep(move="a", pose=PoseSpec(x_m=-0.5, y_m=0.5)),
+    ]
+
+    def mission(from_s: float) -> Rig:
+        spec = {"silences": [{"from_s": from_s, "until_s": 20.0, "units": ["a"]}]}
+        return rig(Mission(steps=steps), {"a": SE2()}, radio=RadioSpec.model_validate(spec))
+
+    whole, short = mission(19.0), 0
+    _run_until(whole, lambda: whole.units["a"].X_WU.x > 0.49)
+    for later_s in (0.0, 0.1, 0.2, 0.3):
+        run = mission(round(1e-9 * whole.now_ns - Patience().expires_s + later_s, 2))
+        while run.now_ns < 19e9:
+            run.step()
+        unit = run.units["a"]
+        short += unit.route == 1 and 0.001 < unit.track.length - unit.progress < SAME_M
+        status = run.run()
+        assert status.state is MissionState.COMPLETE, status.reason
+    assert short > 0
+
+
 def test_a_step_of_a_unit_that_has_failed_before_says_so(rig: type[Rig]) -> None:
     """It was told to find no route, of a unit that had seized up before its step began."""
     starts = {"a": SE2(-1.4, 0.0, 0.0), "b": SE2(0.9, 0.6, 0.0), "c": SE2(-0.3, 0.6, 0.0)}
