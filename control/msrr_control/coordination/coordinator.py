@@ -175,6 +175,7 @@ class Coordinator:
 
     def _find(self, unit: UnitRecord, now_ns: int) -> None:
         """Take up a unit that was lost: it has docked where it was to dock, or stands and is free."""
+        self._tasks.take_up_again()
         docked = unit.holder is not None and unit.holder == unit.enters
         if docked and unit.task is not None and self._tasks.state(unit.task) is TaskState.OPEN:
             self._tasks.finish(unit.task)
@@ -311,7 +312,8 @@ class Coordinator:
             first = next(iter(self._tasks.ready()), self._tasks.open[0])
             why = self._dispatcher.hindrance(first, self._tasks)
             dead = ", ".join(u.name for u in self._units.values() if u.out_of_action)
-            self._tasks.give_up(first.name, why + (f"; out of action: {dead}" if dead else ""))
+            why += f"; out of action: {dead}" if dead else ""
+            self._tasks.give_up(first.name, why, hopeless=True)
 
     def _end(self, state: MissionState, reason: str) -> None:
         self._state, self._reason = state, reason

@@ -19,6 +19,7 @@ class TaskList:
         self._states = {task.name: TaskState.OPEN for task in tasks}
         self._failures = {task.name: 0 for task in tasks}
         self.reasons: dict[str, str] = {}
+        self._hopeless: set[str] = set()  # given up because nobody could do them then, or with one of those
 
     def state(self, name: str) -> TaskState:
         """Return how a task stands."""
@@ -69,16 +70,31 @@ class TaskList:
         if self.by_name[name].unit is not None or self._failures[name] >= _MOST_FAILURES:
             self.give_up(name, reason)
 
-    def give_up(self, name: str, reason: str) -> None:
-        """Give up an open task, and all that depend on it."""
+    def give_up(self, name: str, reason: str, hopeless: bool = False) -> None:
+        """Give up an open task, and all that depend on it.
+
+        Args:
+            name: The task.
+            reason: Why.
+            hopeless: Whether it is given up because nobody can do it now, and not for good.
+        """
         if self._states[name] is not TaskState.OPEN:
             return
         self._states[name] = TaskState.GIVEN_UP
         self.reasons[name] = reason
+        if hopeless:
+            self._hopeless.add(name)
         for task in self.by_name.values():
             if name in task.depends_on:
                 self.reopen(task.name)
-                self.give_up(task.name, f"needs {name}")
+                self.give_up(task.name, f"needs {name}", hopeless)
+
+    def take_up_again(self) -> None:
+        """Open the tasks that nobody could do: there is a unit more now."""
+        for name in self._hopeless:
+            self._states[name] = TaskState.OPEN
+            del self.reasons[name]
+        self._hopeless.clear()
 
     def lost_base(self, name: str) -> str | None:
         """Return a task whose loss takes the route from the unit of a granted one; None if there is none.

@@ -342,6 +342,25 @@ def test_a_step_of_a_unit_that_has_failed_before_says_so(rig: type[Rig]) -> None
     assert "a has failed: seized" in status.reason
 
 
+def test_what_was_given_up_for_a_lost_unit_is_done_when_it_is_found(rig: type[Rig]) -> None:
+    """`u2` may have docked to the port for which `u1` waits; `u1` is on its way to another port by then."""
+    shape = build_pattern("cross", 4)
+    starts = {"u0": SE2(-0.12, 0.39, -2.23), "u1": SE2(-1.13, -0.82, 0.91), "u2": SE2(-0.41, 1.16, -2.94)}
+    silences = [
+        {"from_s": 1.8, "until_s": 62.2, "units": ["u1", "u2"]},
+        {"from_s": 60.0, "until_s": 110.0, "units": ["u2"]},
+    ]
+    radio = RadioSpec.model_validate({"silences": silences})
+    run = rig(Mission(shape=shape), {**starts, "u3": SE2(1.25, 0.08, 0.26)}, radio=radio)
+    while run.now_ns < 109e9:
+        run.step()
+    assert run.status.given_up == ("p1",)
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert status.given_up == ()
+    assert run.is_built(shape)
+
+
 def test_what_a_silent_unit_may_have_docked_to_stays_where_it_is(rig: type[Rig], starts: Starts) -> None:
     """Nobody hears that it has docked: the shape is not built elsewhere, and who waits is told why."""
     spec = {"silences": [{"from_s": 12.8, "until_s": 1000.0, "units": ["u2"]}]}
