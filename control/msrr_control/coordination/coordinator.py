@@ -217,6 +217,8 @@ class Coordinator:
         except SceneError as error:
             missing = [f"not seen: {', '.join(unseen)}"] if unseen else []
             out = [f"{unit.name}: {unit.reason}" for unit in units if unit.out_of_action]
+            for name in self._tasks.names(TaskState.OPEN):  # those of the site before
+                self._tasks.give_up(name, str(error))
             self._end(MissionState.INCOMPLETE, "; ".join([str(error), *missing, *out]))
             return
         self._tasks, self._dispatcher.wanted = TaskList(tasks), wanted

@@ -361,6 +361,16 @@ def test_what_was_given_up_for_a_lost_unit_is_done_when_it_is_found(rig: type[Ri
     assert run.is_built(shape)
 
 
+def test_every_task_of_a_mission_that_has_ended_is_done_or_given_up(rig: type[Rig], starts: Starts) -> None:
+    """Also where nobody is left for whom the shape could be built elsewhere."""
+    radio = RadioSpec.model_validate({"silences": [{"from_s": 1.0, "until_s": 200.0}]})
+    run = rig(Mission(shape=build_pattern("line", 3)), starts(1, 3), radio=radio)
+    status = run.run()
+    assert status.state is MissionState.INCOMPLETE
+    assert "no unit is there for the root of the shape" in status.reason
+    assert sorted(status.done + status.given_up) == ["p0", "p1", "p2"]
+
+
 def test_what_a_silent_unit_may_have_docked_to_stays_where_it_is(rig: type[Rig], starts: Starts) -> None:
     """Nobody hears that it has docked: the shape is not built elsewhere, and who waits is told why."""
     spec = {"silences": [{"from_s": 12.8, "until_s": 1000.0, "units": ["u2"]}]}
