@@ -17,7 +17,8 @@ from msrr_control.coordination.mission import Mission, Patience
 from msrr_control.coordination.recall import Recall
 from msrr_control.coordination.siting import Siting, check_shapes
 from msrr_control.coordination.task_list import TaskList
-from msrr_control.coordination.tasks import TaskKind, TaskState
+from msrr_control.coordination.tasks import TaskState
+from msrr_control.coordination.unit_states import UnitStates
 from msrr_control.coordination.watch import Watch
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import NS_PER_S, GlobalPose, ObstacleEstimate, seconds
@@ -25,7 +26,6 @@ from msrr_scenes.messages.coordination import (
     Authority,
     MissionState,
     MissionStatus,
-    UnitMode,
     UnitReport,
     UnitState,
 )
@@ -63,6 +63,7 @@ class Coordinator:
         self._replans = self._most_replans = 0
         self._done: tuple[str, ...] = ()  # tasks of the shapes before
         self._watch, self._recall = Watch(self._patience), Recall(self._patience)
+        self._states = UnitStates(self._units, self._watch)
         self._set_out(mission)
 
     def _set_out(self, mission: Mission) -> None:
@@ -95,7 +96,10 @@ class Coordinator:
             self._watch.restart(now_ns)
             self._watch.advance(now_ns)
         if self._state is MissionState.RUNNING:
-            self._take_stock(now_ns)
+            changed, missed = self._states.update(self._tasks, now_ns)
+            self._changed |= changed
+            for _ in range(missed):
+                self._plan_anew(now_ns)
             self._choose_site(now_ns)
             if self._siting.chosen and self._state is MissionState.RUNNING:
                 self._extend()
@@ -126,76 +130,6 @@ class Coordinator:
             replans=self._replans,
             reason=self._reason,
         )
-
-    # What has happened.
-
-    def _take_stock(self, now_ns: int) -> None:
-        """Note who has arrived, who has failed, who is lost and who was found again."""
-        for unit in self._units.values():
-            report = unit.report
-            if unit.state is UnitState.FAILED:
-                continue
-            if report is not None and report.mode is UnitMode.FAILED:
-                self._fail(unit, report.reason or "reports a failure", now_ns)
-            elif unit.state is UnitState.LOST and self._watch.is_found(unit):
-                self._find(unit, now_ns)
-            elif not unit.under_way:
-                continue
-            elif unit.says_lost:
-                self._lose(unit, "" if report is None else report.reason, now_ns)
-            elif self._watch.has_arrived(unit, now_ns):
-                self._arrive(unit, now_ns)
-            elif (silence := self._watch.silence(unit, now_ns)) is not None:
-                self._lose(unit, silence, now_ns)
-            elif (stagnation := self._watch.stagnation(unit, now_ns)) is not None:
-                self._fail(unit, stagnation, now_ns)
-
-    def _arrive(self, unit: UnitRecord, now_ns: int) -> None:
-        """Note that a unit has driven its route to the end."""
-        task = None if unit.task is None else self._tasks.by_name[unit.task]
-        self._changed = True
-        self._watch.restart(now_ns)
-        if task is None or self._tasks.state(task.name) is not TaskState.GRANTED:
-            self._stand(unit, now_ns, unit.reason)
-        elif task.kind is TaskKind.MOVE and not self._watch.is_at_end(unit):
-            self._tasks.reopen(task.name)
-            self._stand(unit, now_ns, "did not end where it should")
-            self._plan_anew(now_ns)
-        else:
-            self._tasks.finish(task.name)
-            stays = task.stays or task.kind is TaskKind.DOCK
-            unit.stand(UnitState.DOCKED if stays else UnitState.IDLE, now_ns, "")
-
-    def _lose(self, unit: UnitRecord, reason: str, now_ns: int) -> None:
-        """Note that nobody knows what a unit does; its task is open for another one until it is found."""
-        if unit.task is not None:
-            self._tasks.reopen(unit.task)
-        unit.stand(UnitState.LOST, now_ns, reason)
-        self._changed = True
-
-    def _find(self, unit: UnitRecord, now_ns: int) -> None:
-        """Take up a unit that was lost: it has docked where it was to dock, or stands and is free."""
-        self._tasks.take_up_again()
-        docked = unit.holder is not None and unit.holder == unit.enters
-        if docked and unit.task is not None and self._tasks.state(unit.task) is TaskState.OPEN:
-            self._tasks.finish(unit.task)
-        self._stand(unit, now_ns, "" if docked else "was lost and is found again")
-        if unit.holder is None:
-            unit.stand_down()
-        elif not docked:
-            unit.track = None  # its authority must not be renewed: the route begins with leaving the port
-        self._changed = True
-
-    def _fail(self, unit: UnitRecord, reason: str, now_ns: int) -> None:
-        """Note that a unit has failed; its task is open for another one."""
-        if unit.task is not None and unit.under_way:  # a task that it had before may be another one's by now
-            self._tasks.fail(unit.task, f"{unit.name} failed: {reason}")
-        unit.stand(UnitState.FAILED, now_ns, reason)
-        self._changed = True
-
-    def _stand(self, unit: UnitRecord, now_ns: int, reason: str) -> None:
-        """Take the route from a unit that stands still."""
-        unit.stand(UnitState.IDLE if unit.holder is None else UnitState.DOCKED, now_ns, reason)
 
     # Where the shape stands.
 
@@ -248,7 +182,7 @@ class Coordinator:
                 why = f"was held {unit.progress:.2f} m along its way" if held else waited
             if unit.task is not None:
                 self._tasks.reopen(unit.task)
-            self._stand(unit, now_ns, why)
+            unit.stand(now_ns, why)
             if unit.holder is None:
                 unit.stand_down()
             elif held:
@@ -309,7 +243,7 @@ class Coordinator:
                 self._siting.move()
                 for unit in self._units.values():
                     if unit.state is UnitState.DOCKED:  # the root, to which nobody has docked
-                        self._stand(unit, now_ns, "the shape is built elsewhere")
+                        unit.stand(now_ns, "the shape is built elsewhere")
                 return
             first = next(iter(self._tasks.ready()), self._tasks.open[0])
             why = self._dispatcher.hindrance(first, self._tasks)

@@ -177,11 +177,12 @@ class UnitRecord:
             self.moved_ns = self.patient_ns = now_ns
         self.progress = max(self.progress, progress)
 
-    def stand(self, state: UnitState, now_ns: int, reason: str) -> None:
-        """End the route of a unit that stands still."""
+    def stand(self, now_ns: int, reason: str, state: UnitState | None = None) -> None:
+        """End the route of a unit that stands still, idle or docked unless another state is given."""
         if self.track is not None and self.seen_ns < self.moved_ns:
             self.X_WU = self.track.at(self.progress)  # not seen since it came there
-        self.state, self.still_ns, self.reason, self.blocked_by = state, now_ns, reason, None
+        self.state = state or (UnitState.IDLE if self.holder is None else UnitState.DOCKED)
+        self.still_ns, self.reason, self.blocked_by = now_ns, reason, None
 
     def stand_down(self) -> None:
         """Replace the route of a unit that stands by one without legs, by which the unit goes on standby.
