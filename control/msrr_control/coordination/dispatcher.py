@@ -208,6 +208,8 @@ class Dispatcher:
             if task.kind is not TaskKind.MOVE and any(self._stays_closed(X_WE) for X_WE in lanes):
                 continue
             enters = self.ends.port_of(task)
+            if enters is not None and self.ends.taken_by(enters) is not None:
+                continue
             partners = (assigned, None if enters is None else enters[0])
             in_the_way = [
                 unit
@@ -260,17 +262,17 @@ class Dispatcher:
         stay = {
             other.name
             for other in self._units.values()
-            if other.docks or other.name in holders or other.state is UnitState.FAILED
+            if other.docks or other.name in holders or other.out_of_action
         }
         kept = [s for s in request.standing if s.name in stay or s.name in (request.leaves, request.enters)]
         return self._know.finder.find(replace(request, standing=kept)) is not None
 
     def _stays_closed(self, X_WE: SE2) -> bool:
-        """Return whether an obstacle, or a unit that failed, stands in the lane of a docked pose."""
+        """Return whether an obstacle, or a unit out of action, stands in the lane of a docked pose."""
         if self._know.finder.in_lane(X_WE, self.obstacles) is not None:
             return True
-        failed = [u.pose for u in self._units.values() if u.state is UnitState.FAILED and u.X_WU is not None]
-        return any(self._know.lanes.closed_by(X_WE, X_WB) for X_WB in failed)
+        out = [u.pose for u in self._units.values() if u.out_of_action and u.X_WU is not None]
+        return any(self._know.lanes.closed_by(X_WE, X_WB) for X_WB in out)
 
     def _evade(self, unit: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
         """Send a unit to a waiting place; return whether it goes."""

@@ -74,6 +74,10 @@ class TaskEnds:
             if not other.under_way and any(holder == unit.name for holder, _ in other.docks)
         ]
 
+    def taken_by(self, enters: tuple[str, str]) -> str | None:
+        """Return the unit that is, may be or will be in a port; None if there is none."""
+        return next((unit.name for unit in self._units.values() if enters in unit.docks), None)
+
     def hindrance(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None) -> str | None:
         """Return what keeps a unit from a route before one is looked for, in words; None if nothing does.
 
@@ -95,9 +99,8 @@ class TaskEnds:
             return f"cannot dock: {enters[0]} {how}"  # nobody is allowed into its port
         if self._units[enters[0]].X_WU is None:
             return f"cannot dock: {enters[0]} was never seen from above"
-        port = ".".join(enters)
-        for other in self._units.values():
-            if enters in other.docks and other.name != unit.name:
-                return f"cannot dock: {port} is taken by {other.name}"
+        port, taken_by = ".".join(enters), self.taken_by(enters)
+        if taken_by not in (None, unit.name):
+            return f"cannot dock: {port} is taken by {taken_by}"
         closing = [] if X_WE is None else self.closing(X_WE, unit.name, enters[0])
         return f"cannot dock: {', '.join(closing)} closes the lane to {port}" if closing else None

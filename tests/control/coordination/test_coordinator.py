@@ -371,6 +371,19 @@ def test_every_task_of_a_mission_that_has_ended_is_done_or_given_up(rig: type[Ri
     assert sorted(status.done + status.given_up) == ["p0", "p1", "p2"]
 
 
+def test_nobody_makes_way_where_a_lost_unit_stands_in_the_lane(rig: type[Rig], starts: Starts) -> None:
+    """It helped nobody."""
+    spec = {"silences": [{"from_s": 6.8, "until_s": 82.0, "units": ["u2"]}]}
+    run = rig(Mission(shape=build_pattern("line", 3)), starts(27, 3), radio=RadioSpec.model_validate(spec))
+    lost = False
+    while run.status.state is MissionState.RUNNING:
+        run.step()
+        lost |= any(unit.state is UnitState.LOST for unit in run.status.units)
+        assert not any(unit.reason == "makes way" for unit in run.status.units)
+    assert lost
+    assert run.status.state is MissionState.COMPLETE, run.status.reason
+
+
 def test_what_a_silent_unit_may_have_docked_to_stays_where_it_is(rig: type[Rig], starts: Starts) -> None:
     """Nobody hears that it has docked: the shape is not built elsewhere, and who waits is told why."""
     spec = {"silences": [{"from_s": 12.8, "until_s": 1000.0, "units": ["u2"]}]}
