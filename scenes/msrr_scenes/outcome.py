@@ -43,7 +43,7 @@ class Outcome(Enum):
     CLEARANCE_VIOLATED = "clearance_violated"
     """Bodies came closer than the scene allows."""
     LEFT_ARENA = "left_arena"
-    """A unit left the floor."""
+    """The axle of a unit left the arena."""
     ABORTED = "aborted"
     """The trial ended for what happened elsewhere while the step was under way."""
     TIMEOUT = "timeout"
