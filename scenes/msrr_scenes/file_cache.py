@@ -1,4 +1,4 @@
-"""What was read from files, kept until one of them is written anew.
+"""A cache of what was read from files, valid until one of them is written anew.
 
 A program that stays, such as a notebook or the page in a browser, reads the same robot again and again, and
 has to notice that somebody has edited it meanwhile.

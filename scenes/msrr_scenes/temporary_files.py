@@ -1,4 +1,4 @@
-"""What is said where temporary files, or machine code, find no room."""
+"""Messages for disks that have no room for temporary files or for machine code."""
 
 from __future__ import annotations
 

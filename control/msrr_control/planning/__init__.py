@@ -1,1 +1,1 @@
-"""Routes of the long-distance phase: planning them in what is known, and monitoring them on the way."""
+"""Routes of the long-distance phase: planned among the known bodies, and monitored on the way."""

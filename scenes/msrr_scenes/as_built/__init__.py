@@ -1,4 +1,4 @@
-"""The truth of a trial beside the drawing: every camera, tag, wheel and floor as it was built.
+"""As built: true values of cameras, tags, wheels and floor in a trial, beside those that robots are told.
 
 What runs on a robot cannot reach this package; an import contract keeps it.
 """

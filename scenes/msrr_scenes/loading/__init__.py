@@ -1,4 +1,4 @@
-"""Loading: scene files read, overridden and checked, every mistake answered with place, key and mend."""
+"""Loading: reads, overrides and checks scene files; names place and key of a mistake, and how to mend it."""
 
 from msrr_scenes.loading.calibration_file import read_calibration
 from msrr_scenes.loading.load import check_scene, load_scene, scene_hash, shipped_scenes
