@@ -21,8 +21,8 @@ are and where the camera stood, from the detections alone, and writes
 
 {maps}
 
-What contradicts the rest is named by a test of the residuals (`msrr_perception.mapping.consistency`),
-not by hand. The refined lens: {lens}.
+Tags and pictures that contradict the rest are found by a test of the residuals
+(`msrr_perception.mapping.consistency`), not by hand. The refined lens: {lens}.
 
 `msrr_scenes.loading.tag_map_file.read_tag_map` reads `map.yaml`. A scene takes it for
 the marker of a port, `units.b.markers: {{rear: map.yaml}}`; the
@@ -31,19 +31,21 @@ the marker of a port, `units.b.markers: {{rear: map.yaml}}`; the
 ## What the residuals are made of
 {explained}
 
-*F* is what a term explains by number over what is left by number, 1 by chance; corners of the library.
+Corners are those of the AprilTag library. *Numbers* are the parameters that a term adds to the fit. *F* is the sum of
+squares that the term explains per number, over the sum of squares that is left per degree of freedom: about 1 for a
+term that explains nothing.
 
-- **The start.** From poses of which some are the wrong one of the two that a flat tag allows, an
-  adjustment ends in another minimum: a median of some tenths of a pixel and an RMS of some pixels,
-  worst where the walk closes its loop. So the first guess tries both poses of every tag in all views,
-  and the adjustment begins with a loss that still listens to what is far off.
+- **The start.** A flat tag allows two poses. If some tags start at the wrong one, the bundle adjustment
+  ends in another minimum, with a median of some tenths of a pixel and an RMS of some pixels, worst where
+  the walk closes its loop. So the first guess tries both poses of every tag in all views, and the
+  adjustment begins with a loss that does not yet ignore large residuals.
 - **Distortion beyond the board.** A calibration from boards in the middle of the frame fits these, and
-  guesses where tags are near the border; with k3 it guesses worst. `msrr calibrate` fits no more than
-  the pictures determine; `--refine-lens` fits the rest to the map.
+  extrapolates to tags near the border, worst with k3. `msrr calibrate` fits no more coefficients than
+  the pictures determine; `--refine-lens` fits the lens and the map together.
 - **Nothing moved.** The tags on the two doors agree with all others, and so do tags 11 and 13.
 - **Sizes** agree within about 2 %, and explain little.
 - **Shape.** Corners are off the flat square, the same in all pictures: paper on a wall is not flat.
-  This is the largest part that has a name. A tag whose sheet is bent most can be left out for it.
+  This is the largest part that is explained. A tag whose sheet is bent most can be left out for it.
 - **A shear of every picture**, as rows that are exposed one after the other would make it while a hand
   moves.
 - **The rest** is larger than the noise of rendered corners. Motion blur is part of it: the tag in one
@@ -63,7 +65,7 @@ is missing, and why it was not added:
 
 - **Bent paper.** A plate is a flat square, here and on the robot, where it is glued to a rigid body.
 - **Rolling shutter.** The cameras of scenes have it (`rolling_shutter_ms`), but the walk of the hand
-  during the readout is not known: blur has no sign.
+  during the readout is not known: motion blur does not tell its direction.
 - **The processing in the phone.** The pictures were reduced fourfold and compressed, and were probably
   denoised and sharpened: their sharpest edges are narrower than rendered ones. What that does to a
   corner depends on all that is beside it, and is not documented. The cameras of the robots deliver grey
