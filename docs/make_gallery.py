@@ -48,10 +48,10 @@ INTRODUCTION = """\
 This page shows one run of every shipped scene with seed {seed}, most of them by robots that are built with
 care. The left picture is the run from above: the path of the docking unit (blue), the path that it believed
 in (orange), and the planned path (dashed). Beside it are frames of the cameras as the robot read them: grey
-where it read pixels, elsewhere drawn from truth; detected tags are vermillion, the belief is orange, the line
-of sight is green, and the bounds of its [cone](glossary.md#terms) are grey.
-In a mission of many units each one has a colour of its own: a line shows its way, a pale band the part of its route
-that was granted to it, and a black bar a docked pair. [Shipped scenes](reference/scenes.md) lists all in tables.
+where it read pixels, elsewhere drawn from truth; detected tags are vermillion, the belief is orange, the
+line of sight is green, and the bounds of its [cone](glossary.md#terms) are grey. In a mission of many units
+each one has a colour of its own: a line shows its way, a pale band the part of its route that was granted
+to it, and a black bar a docked pair. [Shipped scenes](reference/scenes.md) lists all in tables.
 
 `msrr dock SCENE --seed {seed}` runs one of them, `msrr frames RUN` draws all of its frames, and
 `python docs/make_gallery.py` makes this page.

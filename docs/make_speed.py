@@ -37,9 +37,10 @@ decides: the ratio to it says more about another machine than milliseconds do. `
 first table again, and fails if a trial costs much more over its physics alone than here. `python
 docs/make_speed.py` makes this page of the files that the commands below write.
 
-The overhead camera has 1280 x 960 pixels at 10 Hz, the camera of a docking unit 640 x 480 at 25 Hz. Units of the
-[grade](../explanation/as_built.md) *careful* have lenses that distort and cameras that expose for 10 ms. *Real time
-factor* is simulated time over wall clock, *over physics alone* the ratio of *in all* to *physics alone*.
+The overhead camera has 1280 x 960 pixels at 10 Hz, the camera of a docking unit 640 x 480 at 25 Hz. Units
+of the [grade](../explanation/as_built.md) *careful* have lenses that distort and cameras that expose for 10
+ms. *Real time factor* is simulated time over wall clock, *over physics alone* the ratio of *in all* to
+*physics alone*.
 """
 
 

@@ -23,32 +23,34 @@ FIGURE = Path("images/tornado.png")
 INTRODUCTION = """\
 # What to build more precisely first
 
-What each deviation of a robot from its drawing (an *effect*) costs alone, and what all of them cost together in each
-[grade](../explanation/as_built.md), on `{scene}`. While an effect is tried alone, the robots know the tolerances of
-the scene ({told}) but no error, and all else, the optics of the cameras included, is that of perfect calibration. There
-are {seeds} seeds for each effect, the same for all. `msrr tolerance {scene}` prints these figures and writes a page that
-also says how they are measured; `python docs/make_tolerance.py FOLDER` makes this page of it.
+What each deviation of a robot from its drawing (an *effect*) costs alone, and what all of them cost
+together in each [grade](../explanation/as_built.md), on `{scene}`. While an effect is tried alone, the
+robots know the tolerances of the scene ({told}) but no error, and all else, the optics of the cameras
+included, is that of perfect calibration. There are {seeds} seeds for each effect, the same for all.
+`msrr tolerance {scene}` prints these figures and writes a page that also says how they are measured;
+`python docs/make_tolerance.py FOLDER` makes this page of it.
 """
 
 TOGETHER = """\
 ## All together
-Every trial draws the errors of its robot anew. In brackets, and *by the parts*: what the effects alone predict if
-they are independent.
+Every trial draws the errors of its robot anew. In brackets, and *by the parts*: what the effects alone
+predict if they are independent.
 """
 
 FIRST = """\
 ## One by one
-*Docks to, and no longer*: two sizes of the effect found by bisection, at the first of which at least 95 % of the
-trials dock, and at the second fewer. The *share of what docking tolerates* that an effect uses up is its standard
-deviation over that size (over 1.96 times that size where it is drawn for each tag); the *share of its square* is that
-in the sum of the squares of all effects. First come the effects that use up most.
+*Docks to, and no longer*: two sizes of the effect found by bisection, at the first of which at least 95 %
+of the trials dock, and at the second fewer. The *share of what docking tolerates* that an effect uses up is
+its standard deviation over that size (over 1.96 times that size where it is drawn for each tag); the *share
+of its square* is that in the sum of the squares of all effects. First come the effects that use up most.
 """
 
 FIGURE_TEXT = """\
 ![What one step of each effect adds to the lateral error, and up to which size the unit docks]({figure})
 
-Left: root mean square of the lateral error that one standard deviation of `careful` adds, or, hatched, that the
-size named beside the effect adds, where no grade has it. Right: the size to which the unit docks, in steps.
+Left: root mean square of the lateral error that one standard deviation of `careful` adds, or, hatched, that
+the size named beside the effect adds, where no grade has it. Right: the size to which the unit docks, in
+steps.
 """
 
 SLOPES = """\

@@ -31,9 +31,9 @@ the marker of a port, `units.b.markers: {{rear: map.yaml}}`; the
 ## What the residuals are made of
 {explained}
 
-Corners are those of the AprilTag library. *Numbers* are the parameters that a term adds to the fit. *F* is the sum of
-squares that the term explains per number, over the sum of squares that is left per degree of freedom: about 1 for a
-term that explains nothing.
+Corners are those of the AprilTag library. *Numbers* are the parameters that a term adds to the fit. *F* is
+the sum of squares that the term explains per number, over the sum of squares that is left per degree of
+freedom: about 1 for a term that explains nothing.
 
 - **The start.** A flat tag allows two poses. If some tags start at the wrong one, the bundle adjustment
   ends in another minimum, with a median of some tenths of a pixel and an RMS of some pixels, worst where
