@@ -82,7 +82,7 @@ def variants_of(
     variants: dict[str, Scene] = {}
     for grade in grades or (None,):
         changed = {**overrides, **({"as_built": grade} if grade else {})}
-        scene = load_scene(name, changed)
+        scene = load_scene(name, changed, told_as="--set")
         for number in units or (None,):
             parts = [grade] if grade else []
             if number is not None:

@@ -116,6 +116,7 @@ def test_many_units_build_a_line_of_the_first_of_them() -> None:
         (["close_range", "--plot", "b.png"], "expected --grade or --units"),
         (["close_range", "--grade", "careful", "--profile", "p.html"], "expected no --grade"),
         (["close_range", "--grade", "sloppy"], "found 'sloppy'"),
+        (["close_range", "--grade", "careful", "--set", "seeds=1"], "--set seeds=1: seeds: unknown key"),
         (
             ["close_range", "--grade", "careful", "--against", "none.json"],
             "none.json: cannot be read (No such file",
