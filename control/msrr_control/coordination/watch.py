@@ -72,10 +72,12 @@ class Watch:
     def stagnation(self, unit: UnitRecord, now_ns: int) -> str | None:
         """Return for how long a unit under way made no progress, None if that is not too long."""
         # At the end of what it may drive a unit waits for others, but for nobody in its dock leg: there it is
-        # to lock, or to move because it tries again.
-        at_end = unit.limit <= unit.progress + SAME_M
+        # to lock, or to move because it tries again. Nor does it where its route ends in the open: it stands
+        # there without having arrived because its authority has expired, and it hears nothing.
+        at_limit = unit.limit <= unit.progress + SAME_M
+        ends = unit.enters is None and unit.track is not None and unit.limit >= unit.track.length - 1e-9
         idles = unit.in_dock_leg and unit.report is not None and not unit.report.stopping
-        if (at_end and not idles) or self._unheard_s(unit, now_ns) > self._patience.silent_s:
+        if (at_limit and not idles and not ends) or self._unheard_s(unit, now_ns) > self._patience.silent_s:
             unit.patient_ns += now_ns - self._previous_ns
         wait = self._patience.dock_s if self._docks(unit) else self._patience.lost_s
         if seconds(now_ns - unit.patient_ns) > wait:

@@ -77,10 +77,10 @@ class ToyUnit:
     """A unit that follows its track exactly, as far as its authority and its collision monitor let it.
 
     On its first ``held_routes`` routes the monitor holds it ``held_m`` before the end of the leg on a path.
-    When it sets off its wheels slip by ``slips_m``, which it does not know. Between two times
-    ``hidden_s`` nobody sees it; it stands, and after 10 s it says on its route that it is lost. The first
-    ``misses`` of its attempts to lock fail: it backs off along the lane of the port, stands for ``looks_s``
-    to look for the port, and comes again.
+    When it sets off its wheels slip by ``slips_m``, which it does not know. Between two times ``hidden_s``
+    nobody sees it; it stands, and after 10 s it says on its route that it is lost. From ``deaf_s`` on it
+    hears nothing, and is heard. The first ``misses`` of its attempts to lock fail: it backs off along the
+    lane of the port, stands for ``looks_s`` to look for the port, and comes again.
     """
 
     name: str
@@ -93,6 +93,7 @@ class ToyUnit:
     held_m: float = 0.5
     slips_m: float = 0.0
     hidden_s: tuple[float, float] = (math.inf, math.inf)
+    deaf_s: float = math.inf
     misses: int = 0
     looks_s: float = 0.0
     progress: float = 0.0
@@ -378,7 +379,8 @@ class Rig:
         self._judge()
         for message in self._radio.arrived(self.now_ns):
             if isinstance(message, Authority):
-                self.units[message.unit].receive(message)
+                if self.now_ns * 1e-9 < self.units[message.unit].deaf_s:
+                    self.units[message.unit].receive(message)
             else:
                 assert isinstance(message, UnitReport)
                 self.coordinator.receive(message, self.now_ns)

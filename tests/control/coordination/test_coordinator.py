@@ -330,6 +330,24 @@ def test_a_unit_whose_authority_ends_just_before_its_route_does_has_not_arrived(
     assert short > 0
 
 
+def test_a_unit_that_hears_nothing_just_before_the_end_of_its_route_fails(rig: type[Rig]) -> None:
+    """It stands where it was allowed to go and waits for nobody, but its authority has ended before that."""
+    mission = Mission(steps=[MoveStep(move="a", pose=PoseSpec(x_m=0.5))])
+    whole, short = rig(mission, {"a": SE2()}), 0
+    _run_until(whole, lambda: whole.units["a"].X_WU.x > 0.49)
+    for later_s in (0.0, 0.1, 0.2, 0.3):
+        run = rig(mission, {"a": SE2()})
+        unit = run.units["a"]
+        unit.deaf_s = 1e-9 * whole.now_ns - Patience().expires_s + later_s
+        status = run.run(2.0 * Patience().lost_s)
+        left = unit.track.length - unit.progress
+        short += 0.001 < left < SAME_M
+        if left > 0.001 or status.state is not MissionState.COMPLETE:
+            assert status.state is MissionState.INCOMPLETE
+            assert "a failed: no progress beyond" in status.reason
+    assert short > 0
+
+
 def test_a_step_of_a_unit_that_has_failed_before_says_so(rig: type[Rig]) -> None:
     """It was told to find no route, of a unit that had seized up before its step began."""
     starts = {"a": SE2(-1.4, 0.0, 0.0), "b": SE2(0.9, 0.6, 0.0), "c": SE2(-0.3, 0.6, 0.0)}
