@@ -9,20 +9,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msrr_control.coordination.least_hops import Form, Ports, least_hops
 from msrr_control.coordination.precedence import Lanes
 from msrr_control.coordination.shape import LEAST_GAP_M, Shape
 from msrr_control.coordination.tasks import Task, TaskKind
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 
-#: Ports from the root to a place; the root itself is the empty path.
-Ports = tuple[str, ...]
+#: Largest number of forms that a search looks at.
+_MOST_FORMS = 10_000
 
-#: A form that an assembly can have: every place that is taken, with the unit where it matters.
-_Form = frozenset[tuple[Ports, str]]
-
-#: Largest number of forms that the search looks at.
-_MOST_FORMS = 20_000
+#: Weights of the bound: the fewest hops first; if that search takes too long, up to three times as many.
+_WEIGHTS = (1.0, 3.0)
 
 #: Poses on the way out of a port that has to be free, from the seat.
 _WAY_OUT = np.array([[-0.04 * k, 0.0, 0.0] for k in range(13)])
@@ -111,7 +109,7 @@ class Reconfiguration:
         return self._poses[ports]
 
     def hops(self, start: Mapping[Ports, str], goal: Mapping[Ports, str]) -> list[Hop]:
-        """Return the fewest hops from one form to another.
+        """Return the hops from one form to another: the fewest, or, where that search would take long, few.
 
         Args:
             start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
@@ -129,32 +127,43 @@ class Reconfiguration:
                 "the shape and the lanes to it do not fit into the arena from where the root of the assembly "
                 "stands"
             )
-        count = itertools.count()
-        left = len(wanted - first)
-        queue = [(left, left, next(count), 0, first)]
-        came: dict[_Form, tuple[_Form, Hop] | None] = {first: None}
-        costs = {first: 0}
-        while queue:
-            *_, cost, form = heapq.heappop(queue)
-            if form == wanted:
-                return _trace(came, form)
-            if cost > costs[form] or len(costs) > _MOST_FORMS:
-                continue
-            for hop, following in self._neighbours(form, wanted):
-                if cost + 1 < costs.get(following, len(costs) + _MOST_FORMS):
-                    costs[following], came[following] = cost + 1, (form, hop)
-                    # A hop fills at most one place that is missing: the estimate is never too large.
-                    # Of equal ones that comes first which misses least: hops in another order are not tried.
-                    left = len(wanted - following)
-                    heapq.heappush(queue, (cost + 1 + left, left, next(count), cost + 1, following))
-        looked = (
-            f" among the {_MOST_FORMS} forms that the search looks at" if len(costs) > _MOST_FORMS else ""
-        )
+        for weight in _WEIGHTS:
+            hops, forms = self._search(first, wanted, weight)
+            if hops is not None:
+                return hops
+            if forms <= _MOST_FORMS:
+                raise SceneError("no order of leaving and docking again leads from one shape to the other")
         raise SceneError(
-            f"no order of leaving and docking again leads from one shape to the other{looked}; name others"
+            "no order of leaving and docking again was found from one shape to the other among the "
+            f"{_MOST_FORMS} forms that a search looks at; name others"
         )
 
-    def _neighbours(self, form: _Form, wanted: _Form) -> Iterator[tuple[Hop, _Form]]:
+    def _search(self, first: Form, wanted: Form, weight: float) -> tuple[list[Hop] | None, int]:
+        """Return the hops of a way, None if none was found, and the number of forms that were looked at.
+
+        This is A* with the bound of :func:`.least_hops` times the weight (Pohl 1970): no way has fewer hops
+        than what is found, over the weight.
+        """
+        count = itertools.count()
+        left = least_hops(first, wanted, self._closes)
+        queue = [(weight * left, left, next(count), 0, first)]
+        came: dict[Form, tuple[Form, Hop] | None] = {first: None}
+        costs = {first: 0}
+        while queue and len(costs) <= _MOST_FORMS:
+            *_, cost, form = heapq.heappop(queue)
+            if form == wanted:
+                return _trace(came, form), len(costs)
+            if cost > costs[form]:
+                continue
+            for hop, following in self._neighbours(form, wanted):
+                if following not in costs or cost + 1 < costs[following]:
+                    costs[following], came[following] = cost + 1, (form, hop)
+                    left = least_hops(following, wanted, self._closes)
+                    # Of equal ones that comes first which is nearest to the end.
+                    heapq.heappush(queue, (cost + 1 + weight * left, left, next(count), cost + 1, following))
+        return None, len(costs)
+
+    def _neighbours(self, form: Form, wanted: Form) -> Iterator[tuple[Hop, Form]]:
         """Yield all hops of leaves and the forms to which they lead, those into missing places first."""
         taken = dict(sorted(form))
         parents = {ports[:-1] for ports in taken if ports}
@@ -176,7 +185,7 @@ class Reconfiguration:
 
     def _may_enter(self, place: Ports, others: set[Ports]) -> bool:
         """Return whether a unit fits into a place and can come there."""
-        return self._fits(place) and not any(self._blocks(place, p)[1] for p in others if p != place[:-1])
+        return self._fits(place) and not any(self._closes(place, p) for p in others if p != place[:-1])
 
     def _fits(self, place: Ports) -> bool:
         """Return whether a place and the lane to it lie in the box."""
@@ -188,6 +197,10 @@ class Reconfiguration:
                 for pose in (X, self._lanes.end(X))
             )
         return self._inside[place]
+
+    def _closes(self, place: Ports, other: Ports) -> bool:
+        """Return whether a unit in another place closes the way into a place."""
+        return self._blocks(place, other)[1]
 
     def _blocks(self, place: Ports, other: Ports) -> tuple[bool, bool]:
         """Return whether a unit in another place blocks the way out of a place, and the way in."""
@@ -258,7 +271,7 @@ def reconfiguration_tasks(
     return tasks
 
 
-def _trace(came: Mapping[_Form, tuple[_Form, Hop] | None], form: _Form) -> list[Hop]:
+def _trace(came: Mapping[Form, tuple[Form, Hop] | None], form: Form) -> list[Hop]:
     hops: list[Hop] = []
     step = came[form]
     while step is not None:

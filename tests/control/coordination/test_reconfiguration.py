@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping, Sequence
 from typing import get_args
 
 import pytest
 
 from msrr_control.coordination.knowledge import Knowledge
+from msrr_control.coordination.least_hops import Form, Ports, least_hops
 from msrr_control.coordination.reconfiguration import (
-    Ports,
+    Hop,
     Reconfiguration,
     assembly_ports,
     reconfiguration_tasks,
@@ -34,28 +36,32 @@ def _least(start: set[Ports], goal: set[Ports]) -> int:
     return len(goal - start)
 
 
-@pytest.mark.parametrize(("first", "second"), PAIRS)
-def test_every_hop_can_be_made_and_the_last_one_ends_in_the_shape(
-    first: Pattern, second: Pattern, knowledge: Knowledge
-) -> None:
-    start, goal = _form(build_pattern(first, 5)), _form(build_pattern(second, 5))
-    hops = Reconfiguration(knowledge.lanes, SE2(), WIDE).hops(start, goal)
-    body, taken = knowledge.lanes.body, set(start)
+def _made(start: Mapping[Ports, str], hops: Sequence[Hop], knowledge: Knowledge) -> dict[Ports, str]:
+    """Return the form to which the hops lead, each of which has to be one that a unit can make."""
+    taken = dict(start)
     for leaves, enters in hops:
-        assert leaves in taken
+        unit = taken.pop(leaves)
         assert not any(place[:-1] == leaves for place in taken if place), "somebody is in its port"
-        taken.remove(leaves)
         assert enters not in taken
         assert enters[:-1] in taken
-        taken.add(enters)
+        taken[enters] = unit
         shape = Shape.from_tree(
             {
                 "/".join(("r", *place)): "/".join(("r", *place[:-1])) + "." + place[-1] if place else "root"
                 for place in sorted(taken)
             }
         )
-        assert shape.problem(body) is None
-    assert taken == set(goal)
+        assert shape.problem(knowledge.lanes.body) is None
+    return taken
+
+
+@pytest.mark.parametrize(("first", "second"), PAIRS)
+def test_every_hop_can_be_made_and_the_last_one_ends_in_the_shape(
+    first: Pattern, second: Pattern, knowledge: Knowledge
+) -> None:
+    start, goal = _form(build_pattern(first, 5)), _form(build_pattern(second, 5))
+    hops = Reconfiguration(knowledge.lanes, SE2(), WIDE).hops(start, goal)
+    assert _made(start, hops, knowledge) == goal
     assert len(hops) >= _least(set(start), set(goal))
 
 
@@ -66,11 +72,55 @@ def test_the_largest_common_part_stays_where_leaves_allow_it(knowledge: Knowledg
         assert len(found) == _least(set(start), set(goal)) == hops
 
 
-def test_the_search_is_quick_where_units_have_to_step_aside(knowledge: Knowledge) -> None:
-    """Of the patterns of 8 units these need the most hops more than there are places to fill."""
-    start, goal = _form(build_pattern("line", 8)), _form(build_pattern("zigzag", 8))
-    hops = Reconfiguration(knowledge.lanes, SE2(), WIDE).hops(start, goal)
-    assert len(hops) > _least(set(start), set(goal))
+@pytest.mark.parametrize("other", ["line", "tee", "cross", "comb"])
+def test_the_search_is_quick_where_units_have_to_step_aside(other: Pattern, knowledge: Knowledge) -> None:
+    """Of the patterns these need the most hops more than there are places to fill."""
+    start, goal = _form(build_pattern(other, 12)), _form(build_pattern("zigzag", 12))
+    search = Reconfiguration(knowledge.lanes, SE2(), WIDE)
+    there, back = search.hops(start, goal), search.hops(goal, start)
+    assert len(there) == len(back) > _least(set(start), set(goal))
+
+
+def _distances(search: Reconfiguration, start: Form, most: int) -> dict[Form, int]:
+    """Return all forms within reach of so many hops, with the least number of hops to each."""
+    distances, queue = {start: 0}, [start]
+    for form in queue:  # the list grows while it is walked
+        if distances[form] < most:
+            for _, following in search._neighbours(form, start):
+                if following not in distances:
+                    distances[following] = distances[form] + 1
+                    queue.append(following)
+    return distances
+
+
+@pytest.mark.parametrize("named", [False, True])
+@pytest.mark.parametrize("pattern", get_args(Pattern))
+def test_the_bound_of_the_search_is_never_too_large_and_tells_more_than_the_places_to_fill(
+    named: bool, pattern: Pattern, knowledge: Knowledge
+) -> None:
+    """Compared with the least number of hops to every form that three or four hops lead to."""
+    places = shape_ports(build_pattern(pattern, 5))
+    start = frozenset((ports, name if named else "") for name, ports in places.items())
+    search = Reconfiguration(knowledge.lanes, SE2(), WIDE)
+    tight = 0
+    for form, distance in _distances(search, start, 3 if named else 4).items():
+        least = least_hops(start, form, search._closes)
+        assert len(form - start) <= least <= distance
+        tight += least > len(form - start)
+    assert tight > 0
+
+
+def test_units_that_change_places_step_aside(knowledge: Knowledge) -> None:
+    """Every unit of a line takes the place before its own, and the first one the last, in few hops."""
+    names = [f"u{k}" for k in range(1, 8)]
+    line = [("rear",) * k for k in range(1, 8)]
+    start = {(): "u0", **dict(zip(line, names, strict=True))}
+    goal = {(): "u0", **dict(zip(line, [*names[1:], names[0]], strict=True))}
+    search = Reconfiguration(knowledge.lanes, SE2(), WIDE)
+    hops = search.hops(start, goal)
+    assert _made(start, hops, knowledge) == goal
+    least = least_hops(frozenset(start.items()), frozenset(goal.items()), search._closes)
+    assert len(names) < least <= len(hops) <= 1.5 * least
 
 
 def test_there_and_back_takes_the_same_number_of_hops(knowledge: Knowledge) -> None:
