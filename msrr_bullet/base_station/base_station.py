@@ -12,7 +12,7 @@ from msrr_control.coordination.coordinator import Coordinator
 from msrr_control.coordination.embedding import fits
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.route_finder import RouteParams
+from msrr_control.coordination.route_params import RouteParams
 from msrr_control.coordination.shape import Shape
 from msrr_control.coordination.tasks import plan_tasks, shape_tasks
 from msrr_control.staging.registry import route_params
@@ -23,8 +23,9 @@ from msrr_perception.estimation.arena_tracker import ArenaTracker
 from msrr_perception.estimation.body_track import SeenPoses
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.problems import dotted
-from msrr_scenes.messages import OVERHEAD, Detections, Exposure, Fetch, GlobalPose
+from msrr_scenes.messages import OVERHEAD, ArenaEstimate, Detections, Exposure, Fetch, GlobalPose
 from msrr_scenes.messages.coordination import Authority, MissionState, MissionStatus, UnitReport, UnitState
 from msrr_scenes.specs.plan import MoveStep
 from msrr_scenes.specs.scene import Scene
@@ -210,4 +211,21 @@ def knowledge_of(scene: Scene) -> Knowledge:
     x0, x1, y0, y1 = zip(*(setup.box for setup in setups), strict=True)
     box = max(x0), min(x1), max(y0), min(y1)  # where every unit is seen: a large top tag is not at the edge
     routes = RouteParams(params.route, params.walls, params.pace)
-    return Knowledge.of(first, routes, box, scene.docking.retreat_m + 0.05, setups[0].border)
+    retreat_m = scene.docking.retreat_m + 0.05
+    return Knowledge.of(first, routes, box, retreat_m, setups[0].border, _distance_error(scene))
+
+
+def _distance_error(scene: Scene) -> float:
+    """Return what two units that are beside each other may be nearer than they seem from above [m].
+
+    It is as much as their collision monitors take them to be nearer.
+    """
+    model = OverheadModel.from_scene(scene, scene.units)
+    sigma = 0.0
+    for tag in model.tags.values():
+        errors = model.errors.of(tag, SE2())
+        if errors is not None and tag.name in scene.units:
+            unit, reach = GlobalPose(tag.name, 0, SE2(), errors.own), scene.geometry(tag.name).circumradius
+            arena = ArenaEstimate(0, unit, None, (), (), 0, model.errors.strain)
+            sigma = max(sigma, arena.sigma_between(unit, reach, reach))
+    return scene.control.guard.sigmas * sigma

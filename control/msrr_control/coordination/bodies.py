@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,6 +17,10 @@ from msrr_scenes.geometry.unit_geometry import UnitGeometry
 #: Port by which units dock to others.
 ACTIVE_PORT = "front"
 
+#: Error of the distance between two units, to the next millimetre, for which the gaps between moving bodies
+#: have room [m]: that of robots which are built with care (two standard deviations).
+EXPECTED_ERROR_M = 0.011
+
 #: Distance below which two corners of an outline count as one [m].
 _SAME_CORNER_M = 1e-6
 
@@ -28,19 +33,28 @@ class Body:
         outline: Corners of the convex outline in U, counter-clockwise, shape (N, 2) [m].
         dock_frames: Dock frame ``X_UD`` of each passive port.
         offset: l, distance of the active port's face ahead of the axle [m].
+        extra_gap: What moving bodies stay farther apart than robots that are built with care, because the
+            distance between two of them is known less well [m].
     """
 
     outline: Array
     dock_frames: Mapping[str, SE2]
     offset: float
+    extra_gap: float = 0.0
 
     @classmethod
-    def of(cls, geometry: UnitGeometry) -> Body:
-        """Read the body from a unit's geometry."""
+    def of(cls, geometry: UnitGeometry, distance_error: float = 0.0) -> Body:
+        """Read the body from a unit's geometry.
+
+        Args:
+            geometry: Geometry of the units.
+            distance_error: What two units that are beside each other may be nearer than they seem [m].
+        """
         points = geometry.footprint
         apart = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)
         frames = {port: geometry.dock_frame(port) for port in geometry.passive_ports}
-        return cls(points[apart > _SAME_CORNER_M], frames, geometry.control_offset(ACTIVE_PORT))
+        extra_gap = max(1e-3 * math.ceil(1e3 * distance_error) - EXPECTED_ERROR_M, 0.0)
+        return cls(points[apart > _SAME_CORNER_M], frames, geometry.control_offset(ACTIVE_PORT), extra_gap)
 
     @cached_property
     def radius(self) -> float:

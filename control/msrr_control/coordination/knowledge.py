@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.embedding import Travel
 from msrr_control.coordination.precedence import Lanes
-from msrr_control.coordination.route_finder import RouteFinder, RouteParams
+from msrr_control.coordination.route_finder import RouteFinder
+from msrr_control.coordination.route_params import RouteParams
 from msrr_control.planning.route import ARENA_BORDER
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 
@@ -36,6 +37,7 @@ class Knowledge:
         box: tuple[float, float, float, float],
         retreat_m: float = 0.5,
         border: str = ARENA_BORDER,
+        distance_error: float = 0.0,
     ) -> Knowledge:
         """Return what follows from the units' geometry and the parameters of their routes.
 
@@ -45,7 +47,9 @@ class Knowledge:
             box: Where the axle may be and is seen: x low, x high, y low, y high [m].
             retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
             border: What ``box`` is, in words.
+            distance_error: What two units that are beside each other may be nearer than they seem [m].
         """
-        body = Body.of(geometry)
+        body = Body.of(geometry, distance_error)
+        params = params.with_room(body.extra_gap)
         travel = Travel.of(params.pace, params.route.turn_radps)
         return cls(Lanes(body, params.route), RouteFinder(body, params, box, border), travel, retreat_m)

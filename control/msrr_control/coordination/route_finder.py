@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from itertools import takewhile
 
@@ -12,13 +11,13 @@ import numpy as np
 
 from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.precedence import compose
+from msrr_control.coordination.route_params import RouteParams
 from msrr_control.coordination.route_request import RouteRequest, Standing
 from msrr_control.coordination.track import GAP_M, SPACING_M, Track, TrackBuilder, first_contact
-from msrr_control.path_following.path import PaceSpec, Path
-from msrr_control.path_following.walls import WallSpec
+from msrr_control.path_following.path import Path
 from msrr_control.planning.free_space import Disc
 from msrr_control.planning.lane import in_lane
-from msrr_control.planning.route import ARENA_BORDER, ArenaMap, RouteSpec
+from msrr_control.planning.route import ARENA_BORDER, ArenaMap
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
@@ -35,7 +34,7 @@ BACK_OUT_M = (0.30, 0.45, 0.60)
 _AHEAD_M = (0.1, 0.2)
 
 #: Gap to a body beside the start up to which a route may only lead away [m]: what the collision monitor keeps
-#: (30 mm), the uncertainty of robots that are built with care (10 mm), and some millimetres off the path.
+#: (30 mm), what the body may be nearer than it seems (11 mm), and some millimetres off the path.
 _BESIDE_GAP_M = 0.045
 
 #: Gap to an obstacle beside the lane of a port below which a unit is recalled [m]: smaller than that of a new
@@ -44,21 +43,6 @@ _CLOSED_GAP_M = 0.02
 
 #: Loss of such a gap that counts as none [m].
 _LOSS_M = 0.001
-
-
-@dataclass(frozen=True)
-class RouteParams:
-    """Parameters of the routes, those of the long-distance phase.
-
-    Attributes:
-        route: Shape of the routes.
-        walls: Walls beside obstacles.
-        pace: Speed along the path.
-    """
-
-    route: RouteSpec = field(default_factory=RouteSpec)
-    walls: WallSpec = field(default_factory=WallSpec)
-    pace: PaceSpec = field(default_factory=PaceSpec)
 
 
 class RouteFinder:
@@ -207,7 +191,8 @@ class RouteFinder:
     def _comes_near(self, poses: Array, obstacle: ObstacleEstimate) -> bool:
         """Return whether a unit comes nearer to an obstacle than it is, and than it may."""
         gaps = self.body.gaps_to_disc(poses, obstacle.X_WB.x, obstacle.X_WB.y, obstacle.radius)
-        return bool(gaps.min() < min(float(gaps[0]), _BESIDE_GAP_M) - _LOSS_M)
+        kept = min(float(gaps[0]), _BESIDE_GAP_M + self.body.extra_gap) - _LOSS_M
+        return bool(gaps.min() < kept)
 
     def _contact(self, track: Track, request: RouteRequest) -> tuple[float, str] | None:
         """Return where a track comes too near to what stands there, as :meth:`contact` does.
@@ -243,12 +228,12 @@ class RouteFinder:
     def _is_beside(self, X_WU: SE2, other: Standing) -> bool:
         """Return whether a body stands so near that a unit may come too near to it by a turn on the spot."""
         apart = math.hypot(other.X_WB.x - X_WU.x, other.X_WB.y - X_WU.y)
-        return apart < 2.0 * self.body.radius + GAP_M
+        return apart < 2.0 * self.body.radius + GAP_M + self.body.extra_gap
 
     def _first_loss(self, track: Track, other: Standing) -> float | None:
         """Return where a track in the open comes nearer to a body that is near [m]; None if it never does."""
         gaps = self.body.gaps(track.poses, other.X_WB.as_array())
-        kept = np.minimum(np.maximum.accumulate(gaps), _BESIDE_GAP_M) - _LOSS_M
+        kept = np.minimum(np.maximum.accumulate(gaps), _BESIDE_GAP_M + self.body.extra_gap) - _LOSS_M
         lost = (gaps < kept) & ~track.at_port
         return float(track.s[lost.argmax()]) if lost.any() else None
 

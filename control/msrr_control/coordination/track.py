@@ -24,10 +24,11 @@ _STEP_M = 0.01
 #: Stretch on which the controlled point comes onto a path beside which it begins [m].
 _MERGE_M = 0.2
 
-#: Gap that moving bodies keep from others [m]: on the way, what the collision monitors keep (30 mm), the
-#: uncertainty of robots that are built with care (10 mm), and as far as two of them overshoot where they stop
-#: (13 mm each); in a leg into or out of a port, where a unit swings about its path by some centimetres; and
-#: between two at ports, where both are to be near.
+#: Gap that moving bodies keep from others [m]: on the way, what the collision monitors keep (30 mm), what
+#: they may be nearer than they seem (11 mm), and as far as two of them overshoot where they stop (12 mm
+#: each); in a leg into or out of a port, where a unit swings about its path by some centimetres; and between
+#: two at ports, where both are to be near. On the way and in such a leg it grows where distances are known
+#: less well.
 GAP_M = 0.065
 LANE_GAP_M = 0.09
 PORT_GAP_M = 0.02
@@ -276,7 +277,7 @@ def needed(earlier: Track, later: Track, body: Body) -> Array:
     """
     in_lane = (earlier.at_port & bool(earlier.legs))[:, None] | (later.at_port & bool(later.legs))[None]
     both_at_port = earlier.at_port[:, None] & later.at_port[None]
-    gap = np.where(both_at_port, PORT_GAP_M, np.where(in_lane, LANE_GAP_M, GAP_M))
+    gap = np.where(both_at_port, PORT_GAP_M, np.where(in_lane, LANE_GAP_M, GAP_M) + body.extra_gap)
     near = body.near(earlier.poses[:, None], later.poses[None], gap)
     passed = np.append(earlier.s[1:], math.inf)
     last = len(earlier.s) - 1 - near[::-1].argmax(axis=0)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from msrr_bullet.base_station.base_station import knowledge_of
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
-from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.track import GAP_M
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.staging.parameters import AssemblyParams
@@ -23,17 +23,16 @@ from msrr_scenes.messages import ArenaEstimate, GlobalPose, MonitorState, Obstac
 STRAY_M = 0.024
 
 
-@pytest.mark.parametrize("grade", ["perfect", "careful"])
+@pytest.mark.parametrize("grade", ["perfect", "careful", "workshop", "rough"])
 def test_a_unit_may_turn_where_a_route_passes_another_one(grade: str) -> None:
     """Both may be off their tracks by what they overshoot; one that its monitor held would block both."""
     scene = load_scene("assemble_zigzag", {"as_built": grade})
     tracker = ArenaTracker(OverheadModel.from_scene(scene.told(), ("a", "b")))
-    body = Body.of(scene.geometry("a"))
+    body = knowledge_of(scene.told()).lanes.body
+    least = GAP_M + body.extra_gap - STRAY_M
     for yaw in np.radians([0.0, 20.0, 45.0, 70.0]):
         X_WA = SE2(0.3, -0.2, float(yaw))
-        apart = next(
-            y for y in np.arange(0.2, 0.4, 1e-4) if body.gap(X_WA, SE2(0.3, -0.2 + y, 0.0)) > GAP_M - STRAY_M
-        )
+        apart = next(y for y in np.arange(0.2, 0.4, 1e-4) if body.gap(X_WA, SE2(0.3, -0.2 + y, 0.0)) > least)
         poses = {"a": X_WA, "b": SE2(0.3, -0.2 + float(apart), 0.0)}
         estimates = {}
         for name, X_WU in poses.items():

@@ -21,7 +21,7 @@ from msrr_control.coordination.coordinator import Coordinator
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
 from msrr_control.coordination.reconfiguration import assembly_ports, shape_ports
-from msrr_control.coordination.route_finder import RouteParams
+from msrr_control.coordination.route_params import RouteParams
 from msrr_control.coordination.shape import Shape
 from msrr_control.coordination.track import Track, track_of
 from msrr_scenes.geometry.se2 import SE2

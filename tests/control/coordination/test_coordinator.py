@@ -17,7 +17,8 @@ from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import SAME_M, UnitRecord
 from msrr_control.coordination.mission import Mission, Patience
 from msrr_control.coordination.reconfiguration import shape_ports
-from msrr_control.coordination.route_finder import RouteFinder, RouteParams
+from msrr_control.coordination.route_finder import RouteFinder
+from msrr_control.coordination.route_params import RouteParams
 from msrr_control.coordination.shape import Shape, build_pattern
 from msrr_control.coordination.tasks import plan_tasks
 from msrr_control.coordination.track import TrackBuilder

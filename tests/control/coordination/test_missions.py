@@ -16,7 +16,7 @@ import pytest
 
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.route_finder import RouteParams
+from msrr_control.coordination.route_params import RouteParams
 from msrr_control.coordination.route_request import RouteRequest, Standing
 from msrr_control.coordination.shape import Shape, build_pattern
 from msrr_scenes.geometry.se2 import SE2

@@ -12,7 +12,7 @@ import pytest
 
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.route_finder import RouteParams
+from msrr_control.coordination.route_params import RouteParams
 from msrr_control.coordination.tasks import plan_tasks
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2

@@ -14,7 +14,7 @@ from msrr_control.coordination.coordinator import Coordinator
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import SAME_M
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.route_finder import RouteParams
+from msrr_control.coordination.route_params import RouteParams
 from msrr_control.coordination.shape import Shape
 from msrr_control.coordination.track import track_of
 from msrr_control.kinematics.unicycle import advance_pose, drive
