@@ -25,7 +25,6 @@ from msrr_scenes.messages import (
     SensorMessage,
     onboard_camera,
 )
-from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
@@ -68,7 +67,7 @@ class ParametricOnboardCamera:
         self._sight = sight
         self._rng = rng
         self._dropout = dropout
-        self._hidden = any(isinstance(f, MarkerHidden) and f.unit == step.target_unit for f in scene.faults)
+        self._hidden = step.target_unit in scene.covered_units
         errors = scene.parametric
         self._sigma_bearing = math.radians(errors.sigma_bearing_deg)
         self._sigma_pose = (errors.sigma_xy_m, errors.sigma_xy_m, math.radians(errors.sigma_yaw_deg))
