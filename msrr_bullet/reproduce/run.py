@@ -52,7 +52,8 @@ def reproduce(
     """Reproduce the paper; write ``report.html``, ``reproduction.json`` and the PNGs to ``out``.
 
     Every line of progress is also written to ``out/progress.txt``, so that a run in the background can be
-    followed. An interrupted run of the real loop resumes from ``out/trials`` if scene and code are unchanged.
+    followed. An interrupted run of the real loop resumes from ``out/trials.sqlite`` if scene and code are
+    unchanged.
 
     Args:
         out: Folder to write to; it is created if it does not exist.
@@ -86,7 +87,7 @@ def reproduce(
                 compared: Contenders = {"long": contenders("assembly"), "close": contenders("docking")}
                 parts.append(reproduce_unicycle(unicycle, compared, pool, report))
         if bullet is not None:
-            found = reproduce_bullet(experiments, bullet, out / "trials", jobs, report)
+            found = reproduce_bullet(experiments, bullet, out / "trials.sqlite", jobs, report)
             report("the paper's Fig. 6 in the real loop")
             cell = parts[0].maps[0].paper_cell if parts else PAPER_LIKE
             parts.append(found.model_copy(update={"figure6": (bullet_figure6(bullet.start, cell),)}))
