@@ -147,7 +147,7 @@ def sweep(
     from msrr_bullet.sensors.preparation import prepare_cameras
     from msrr_bullet.sweep.dask_cluster import dask_cluster
     from msrr_bullet.sweep.provenance import code_fingerprint
-    from msrr_bullet.sweep.sweep import summary_of
+    from msrr_bullet.sweep.summarise import summarise
     from msrr_bullet.sweep.sweep import sweep as run_sweep
     from msrr_bullet.sweep.trial_store import StoreError
     from msrr_bullet.sweep.trial_table import trials_csv
@@ -172,9 +172,7 @@ def sweep(
                     if not ended.of(wanted):
                         raise
                     stopped = error
-                    summary = summary_of(
-                        loaded, code, ended.of(wanted), reused=ended.reused, interrupted=True
-                    )
+                    summary = summarise(loaded, code, ended.of(wanted), reused=ended.reused, interrupted=True)
             rows = ended.of(wanted)
             # Before anything is shown, for the reader of the standard output may have gone away.
             write_outputs([(json_file, summary.to_json), (csv_file, lambda: trials_csv(rows))])
