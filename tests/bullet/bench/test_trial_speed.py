@@ -8,8 +8,13 @@ from collections.abc import Callable
 
 import pytest
 
-from msrr_bullet.bench.naive_loop import naive_loop
-from msrr_bullet.bench.trial_speed import BenchError, measure_trial_speed, peak_mb, trial_speed_table
+from msrr_bullet.bench.trial_speed import (
+    BenchError,
+    measure_trial_speed,
+    naive_loop,
+    peak_mb,
+    trial_speed_table,
+)
 from msrr_bullet.bench.unit_cost import measure_unit_cost, pair_of
 from msrr_bullet.log import CameraWindow, MemoryRecorder
 from msrr_bullet.profiler import StageProfiler
