@@ -88,10 +88,6 @@ class TrialSpeed(BaseModel, frozen=True):
         """Wall-clock time of the trial over that of its physics alone."""
         return 1e3 / self.real_time_factor / self.physics_alone_ms_per_s
 
-    def to_json(self) -> str:
-        """Return the report as indented JSON."""
-        return self.model_dump_json(indent=2) + "\n"
-
 
 @dataclass(frozen=True)
 class _Timing:
