@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from datetime import datetime
 from pathlib import Path
 
 from msrr_bullet.reproduce.bullet_experiments import paper_experiments, reproduce_bullet
@@ -16,7 +15,7 @@ from msrr_bullet.reproduce.report.map_plot import draw_gain_delay_map
 from msrr_bullet.reproduce.report.panel_plot import draw_panels
 from msrr_bullet.reproduce.report.strip_plot import draw_strips
 from msrr_bullet.reproduce.unicycle_studies import Contenders, reproduce_unicycle
-from msrr_bullet.run_folder import locked, make_folder
+from msrr_bullet.run_folder import locked, make_folder, progress_log
 from msrr_bullet.studies.gain_delay import PAPER_LIKE
 from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.model import Reproduction
@@ -74,11 +73,7 @@ def reproduce(
         for label in experiment.docking:
             experiment.load(label)
 
-    def report(text: str) -> None:
-        with (out / "progress.txt").open("a", encoding="utf-8") as lines:
-            lines.write(f"{datetime.now():%Y-%m-%d %H:%M:%S} {text}\n")
-        on_progress(text)
-
+    report = progress_log(out, on_progress)
     with locked(out):
         parts: list[Reproduction] = []
         if unicycle is not None:
