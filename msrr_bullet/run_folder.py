@@ -7,8 +7,9 @@ import fcntl
 import html
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from datetime import datetime
 from pathlib import Path
 
 from msrr_bullet.log.reader import LOG_NAME, begun_by_msrr
@@ -78,6 +79,17 @@ def make_folder(out: Path) -> None:
         raise RunFolderError(
             f"{out}: the folder cannot be made or written ({error.strerror}); choose another --out"
         ) from None
+
+
+def progress_log(out: Path, on_progress: Callable[[str], None]) -> Callable[[str], None]:
+    """Return a listener that also appends every line to ``out/progress.txt``, for runs in the background."""
+
+    def report(text: str) -> None:
+        with (out / "progress.txt").open("a", encoding="utf-8") as lines:
+            lines.write(f"{datetime.now():%Y-%m-%d %H:%M:%S} {text}\n")
+        on_progress(text)
+
+    return report
 
 
 def run_html(out: Path) -> str:

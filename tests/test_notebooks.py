@@ -61,7 +61,7 @@ def test_results_and_scenes_show_themselves(shipped: ShippedScene, tmp_path: Pat
     assert 'src="data:image/png;base64,iVBOR' in shown
     assert 'srcdoc="&lt;!DOCTYPE html&gt;&lt;p class=&quot;run&quot;&gt;"' in shown
     assert "<img" not in stored._repr_html_()
-    sweep = summarise(scene, result.scene_hash, "", [result])._repr_html_()
+    sweep = summarise(scene, "", [result])._repr_html_()
     assert "100.0 % succeed" in sweep
     assert "lateral error at first contact" in sweep
     assert "&lt;b&gt;near" in scene._repr_html_()

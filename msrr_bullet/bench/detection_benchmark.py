@@ -67,10 +67,6 @@ class DetectionBenchmark(BaseModel, frozen=True):
         """All cases in the order in which they are shown."""
         return self.onboard, self.onboard_hard, self.overhead, self.overhead_hard
 
-    def to_json(self) -> str:
-        """Return the report as indented JSON."""
-        return self.model_dump_json(indent=2) + "\n"
-
 
 def benchmark_detection(
     *,

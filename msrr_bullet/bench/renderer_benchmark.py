@@ -39,10 +39,6 @@ class RendererBenchmark(BaseModel, frozen=True):
     pixels: PixelRow
     versions: dict[str, str]
 
-    def to_json(self) -> str:
-        """Return the report as indented JSON."""
-        return self.model_dump_json(indent=2) + "\n"
-
 
 def benchmark_renderers(
     *,

@@ -45,13 +45,9 @@ class SpeedComparison(BaseModel, frozen=True):
     versions: dict[str, str]
     variants: dict[str, TrialSpeed]
 
-    def to_json(self) -> str:
-        """Return the comparison as indented JSON."""
-        return self.model_dump_json(indent=2) + "\n"
-
 
 def read_comparison(path: Path) -> SpeedComparison:
-    """Read a comparison that :meth:`SpeedComparison.to_json` wrote.
+    """Read a comparison as ``msrr bench`` writes it with ``--json``.
 
     Raises:
         BenchError: The file cannot be read, or holds no comparison.

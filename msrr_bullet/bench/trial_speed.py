@@ -10,7 +10,6 @@ from pathlib import Path
 from pydantic import BaseModel
 from rich.table import Table
 
-from msrr_bullet.bench.naive_loop import naive_loop
 from msrr_bullet.bench.physics_alone import note_commands
 from msrr_bullet.bench.unit_cost import UnitCost, measure_unit_cost
 from msrr_bullet.profiler import StageProfiler
@@ -19,8 +18,12 @@ from msrr_bullet.trial.check import check_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.deviations import CoefficientDeviation
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.sensors import CameraSpec
+from msrr_scenes.specs.spec import Choice
 
 #: Stage of the robot's decisions: estimator query, laws and phase machine, without the collision monitor.
 _CONTROL = "control"
@@ -84,10 +87,6 @@ class TrialSpeed(BaseModel, frozen=True):
     def times_physics_alone(self) -> float:
         """Wall-clock time of the trial over that of its physics alone."""
         return 1e3 / self.real_time_factor / self.physics_alone_ms_per_s
-
-    def to_json(self) -> str:
-        """Return the report as indented JSON."""
-        return self.model_dump_json(indent=2) + "\n"
 
 
 @dataclass(frozen=True)
@@ -185,6 +184,39 @@ def trial_speed_table(report: TrialSpeed) -> Table:
     table.add_row("start-up, once in a process", f"{report.start_up_s:.1f} s")
     table.add_row("memory at its peak", f"{report.peak_mb:.0f} MB")
     return table
+
+
+def naive_loop(scene: Scene, samples: int | None = None) -> Scene:
+    """Return the scene of the naive loop: a trial without the three things that make perception cheap here.
+
+    It reads full frames only, detects tags in all of them, and the renderer draws the floor as a mesh.
+
+    Args:
+        scene: Scene of the trial.
+        samples: Samples per pixel edge of the cameras; None keeps the scene's.
+    """
+
+    def plain(camera: CameraSpec) -> dict[str, object]:
+        return {
+            "renderer": Choice(name="tiny", params={"floor": "mesh"}),
+            "readout": "frames",
+            "samples": samples or camera.samples,
+            "exposure_ms": 0.0,  # TinyRenderer draws one instant only
+            "rolling_shutter_ms": 0.0,
+        }
+
+    cameras = scene.cameras
+    overhead = cameras.overhead
+    slow = cameras.model_copy(
+        update={
+            "onboard": cameras.onboard.model_copy(update=plain(cameras.onboard)),
+            "overhead": overhead.model_copy(update=plain(overhead)) if overhead else None,
+        }
+    )
+    lens = {key: CoefficientDeviation() for key in COEFFICIENTS}  # TinyRenderer draws ideal lenses only
+    deviations = scene.as_built
+    ideal = {group: getattr(deviations, group).model_copy(update=lens) for group in ("onboard", "overhead")}
+    return scene.model_copy(update={"cameras": slow, "as_built": deviations.model_copy(update=ideal)})
 
 
 def _run_timed(scene: Scene, seed: int) -> _Timing:

@@ -23,16 +23,13 @@ from typer.core import TyperGroup
 from msrr_bullet.cli import (
     bench_commands,
     calibrate_command,
-    compare_command,
     detect_command,
     dock_command,
-    film_command,
     map_command,
-    merge_command,
     perceive_command,
     run_commands,
     study_commands,
-    sweep_command,
+    sweep_commands,
     tolerance_command,
 )
 from msrr_bullet.cli.console import open_closed_streams, open_console
@@ -138,7 +135,7 @@ def _program(
 
 
 app.command()(dock_command.dock)
-app.command()(sweep_command.sweep)
+app.command()(sweep_commands.sweep)
 
 
 @app.command()
@@ -237,8 +234,8 @@ def _robots(scene: Scene) -> Iterator[str]:
         )
 
 
-app.command()(compare_command.compare)
-app.command()(merge_command.merge)
+app.command()(sweep_commands.compare)
+app.command()(sweep_commands.merge)
 app.command()(bench_commands.bench)
 app.command()(run_commands.replay)
 app.command()(study_commands.tune)
@@ -249,6 +246,6 @@ app.command()(calibrate_command.calibrate)
 app.command("map")(map_command.map_pictures)
 app.command()(perceive_command.perceive)
 app.command()(run_commands.frames)
-app.command()(film_command.film)
+app.command()(run_commands.film)
 app.command()(run_commands.plot)
 app.command()(run_commands.export)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
@@ -22,6 +22,7 @@ from msrr_bullet.cli.options import (
 from msrr_scenes.errors import SceneError
 
 if TYPE_CHECKING:  # loaded by what makes the tables, so that msrr --help is quick
+    from pydantic import BaseModel
     from rich.table import Table
 
 Target = Annotated[
@@ -32,13 +33,9 @@ Target = Annotated[
 ]
 
 
-class _Report(Protocol):
-    def to_json(self) -> str: ...
-
-
 #: Runs a benchmark, calls its argument with a text before each part, and returns the report, its tables, and
 #: what is worse than it was.
-_Bench: TypeAlias = "Callable[[Callable[[str], None]], tuple[_Report, Iterable[Table], Sequence[str]]]"
+_Bench: TypeAlias = "Callable[[Callable[[str], None]], tuple[BaseModel, Iterable[Table], Sequence[str]]]"
 
 
 def bench(
@@ -112,7 +109,7 @@ def bench(
     console = open_console(stderr=json_file == STANDARD_OUTPUT)
     with status_line(console, f"{target}: measuring") as show:
         report, tables, worse = run(lambda text: show(f"{target}: {text}"))
-    write_output(json_file, report.to_json())
+    write_output(json_file, report.model_dump_json(indent=2) + "\n")
     for table in tables:
         console.print(table)
     for line in worse:
@@ -137,7 +134,7 @@ def _comparison(
     variants = comparison.variants_of(name, overrides, grades, units)
     before = None if against is None else comparison.read_comparison(against)
 
-    def run(on_progress: Callable[[str], None]) -> tuple[_Report, Iterable[Table], Sequence[str]]:
+    def run(on_progress: Callable[[str], None]) -> tuple[BaseModel, Iterable[Table], Sequence[str]]:
         report = comparison.compare_speeds(variants, on_progress, before)
         if plot is not None:
             comparison.draw_comparison(report, plot)
@@ -161,7 +158,7 @@ def _scene(name: str, overrides: dict[str, str]) -> _Bench:
 
     scene = load_scene(name, overrides, told_as="--set")
 
-    def run(on_progress: Callable[[str], None]) -> tuple[_Report, Iterable[Table], Sequence[str]]:
+    def run(on_progress: Callable[[str], None]) -> tuple[BaseModel, Iterable[Table], Sequence[str]]:
         from msrr_bullet.bench.trial_speed import measure_trial_speed, trial_speed_table
 
         report = measure_trial_speed(scene)
@@ -170,7 +167,7 @@ def _scene(name: str, overrides: dict[str, str]) -> _Bench:
     return run
 
 
-def _cameras(on_progress: Callable[[str], None]) -> tuple[_Report, Iterable[Table], Sequence[str]]:
+def _cameras(on_progress: Callable[[str], None]) -> tuple[BaseModel, Iterable[Table], Sequence[str]]:
     from msrr_bullet.bench.renderer_benchmark import benchmark_renderers, renderer_tables
 
     report = benchmark_renderers(observer=on_progress)
@@ -179,7 +176,7 @@ def _cameras(on_progress: Callable[[str], None]) -> tuple[_Report, Iterable[Tabl
 
 def _detection(
     photographs: Path | None, on_progress: Callable[[str], None]
-) -> tuple[_Report, Iterable[Table], Sequence[str]]:
+) -> tuple[BaseModel, Iterable[Table], Sequence[str]]:
     from msrr_bullet.bench.detection_benchmark import benchmark_detection, detection_tables
 
     report = benchmark_detection(photographs=photographs, observer=on_progress)

@@ -12,7 +12,6 @@ import typer
 
 from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import BAD_INPUT, NOT_DOCKED, report_error
-from msrr_bullet.cli.film_command import FILM_NAME
 from msrr_bullet.cli.options import (
     RUNS,
     Overrides,
@@ -21,7 +20,7 @@ from msrr_bullet.cli.options import (
     naming_overrides,
     parse_overrides,
 )
-from msrr_bullet.cli.run_commands import FRAMES_NAME, PLOT_NAME, RERUN_NAME, TABLES_NAME
+from msrr_bullet.cli.run_commands import FILM_NAME, FRAMES_NAME, PLOT_NAME, RERUN_NAME, TABLES_NAME
 from msrr_bullet.seeds import MAX_SEED
 from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
 from msrr_scenes.outcome import Outcome

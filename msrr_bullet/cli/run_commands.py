@@ -1,13 +1,15 @@
-"""The commands that evaluate a finished run from its log: ``msrr replay | frames | plot | export``."""
+"""The commands that evaluate a finished run from its log: ``msrr replay | frames | film | plot | export``."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from msrr_bullet.cli.console import open_console, status_line
+from msrr_bullet.cli.console import open_console, progress_bar, status_line
 from msrr_bullet.cli.exit_codes import NOT_DOCKED
 from msrr_bullet.cli.options import Run, check_writable, folder_of, run_or_last
 from msrr_scenes.errors import SceneError
@@ -17,7 +19,17 @@ if TYPE_CHECKING:  # loaded by the commands that read one, so that msrr --help i
     from msrr_bullet.log import Log
 
 #: What these commands write into a run folder, unless --out names another place.
-FRAMES_NAME, PLOT_NAME, TABLES_NAME, RERUN_NAME = "frames", "plot.png", "csv", "trial.rrd"
+FRAMES_NAME, FILM_NAME, PLOT_NAME = "frames", "film.mp4", "plot.png"
+TABLES_NAME, RERUN_NAME = "csv", "trial.rrd"
+
+#: What a film can show, by the value of --show.
+SHOWN: dict[str, tuple[Literal["scene", "overhead", "onboard"], ...]] = {
+    "scene": ("scene",),
+    "overhead": ("overhead",),
+    "onboard": ("onboard",),
+    "cameras": ("overhead", "onboard"),
+    "all": ("scene", "overhead", "onboard"),
+}
 
 
 def replay(
@@ -69,7 +81,17 @@ def replay(
     raise typer.Exit(0 if report.identical and report.complete and report.judged else NOT_DOCKED)
 
 
-def warn_of_early_end(log: Log) -> None:
+@contextmanager
+def _open_log(run: Path, doing: str) -> Iterator[Log]:
+    """Open the log of a run, with a line that says what is being done; warn at the end if it ends early."""
+    from msrr_bullet.log import unpacked_log
+
+    with status_line(open_console(), f"{run}: {doing}"), unpacked_log(run) as log:
+        yield log
+    _warn_of_early_end(log)
+
+
+def _warn_of_early_end(log: Log) -> None:
     """Write to standard error where a log ends that is not of a whole trial; it has no more."""
     from msrr_bullet.timeline.log_snapshots import read_verdict
     from msrr_scenes.messages import seconds
@@ -102,13 +124,67 @@ def frames(
     """Write camera frames with detections and estimates drawn in."""
     run = run_or_last(run)
     from msrr_bullet.figures.frame_files import write_frames
-    from msrr_bullet.log import unpacked_log
 
     folder = out if out is not None else folder_of(run) / FRAMES_NAME
-    with status_line(open_console(), f"{run}: drawing"), unpacked_log(run) as log:
+    with _open_log(run, "drawing") as log:
         written = write_frames(log, folder, camera, every_s=every, count=count)
-    warn_of_early_end(log)
     typer.echo(f"{folder}: {counted(len(written.frames), 'frame')}, {written.sheet.name}")
+
+
+def film(
+    run: Run = None,
+    show: Annotated[
+        Literal["scene", "overhead", "onboard", "cameras", "all"],
+        typer.Option(
+            help="What is shown: the scene in three dimensions, what a camera saw with what was detected "
+            "in it, what both saw, or all three."
+        ),
+    ] = "scene",
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="MP4, WebM or GIF file.", show_default=f"RUN/{FILM_NAME}"),
+    ] = None,
+    speed: Annotated[
+        float, typer.Option(metavar="FACTOR", help="Simulated seconds in a second of the film.")
+    ] = 1.0,
+    size: Annotated[
+        str, typer.Option(metavar="WIDTHxHEIGHT", help="Size of the film in pixels, two even numbers.")
+    ] = "1280x720",
+) -> None:
+    """Write a run as a film from its log, 25 pictures a second."""
+    pixels = _parse_size(size)
+    run = run_or_last(run)
+    from msrr_bullet.figures.film import write_film
+    from msrr_bullet.log import unpacked_log
+
+    file = out if out is not None else folder_of(run) / FILM_NAME
+    with unpacked_log(run) as log:
+        check_writable(file, "--out")
+        shown = SHOWN[show]
+        if len(shown) > 1 and log.header.scene.cameras.overhead is None:
+            shown = tuple(each for each in shown if each != "overhead")  # all that there is
+        with progress_bar(open_console()) as bar:
+
+            def show_picture(done: int, total: int) -> None:
+                if done == 1:
+                    bar.add_task(str(run), total=total)
+                bar.update(bar.task_ids[0], completed=done)
+
+            write_film(log, file, shown, size=pixels, speed=speed, on_picture=show_picture)
+    _warn_of_early_end(log)
+    typer.echo(str(file))
+
+
+def _parse_size(text: str) -> tuple[int, int]:
+    """Parse ``WIDTHxHEIGHT``.
+
+    Raises:
+        SceneError: The text is something else.
+    """
+    width, _, height = text.partition("x")
+    if not (width.isdecimal() and height.isdecimal()):
+        raise SceneError(f"--size {text}: expected WIDTHxHEIGHT in pixels, such as 1280x720")
+    return int(width), int(height)
 
 
 def plot(
@@ -132,16 +208,14 @@ def plot(
     """
     run = run_or_last(run)
     from msrr_bullet.figures.plot import write_plot
-    from msrr_bullet.log import unpacked_log
     from msrr_bullet.timeline.log_snapshots import read_snapshots, read_verdict
 
     file = out if out is not None else folder_of(run) / PLOT_NAME
-    with status_line(open_console(), f"{run}: drawing"), unpacked_log(run) as log:
+    with _open_log(run, "drawing") as log:
         check_writable(file, "--out")
         verdict = read_verdict(log) or (None if log.header.recording else "interrupted")
         headline = ", ".join(filter(None, (verdict, log.header.origin)))
         write_plot(file, log.header.scene, read_snapshots(log), headline, unit)
-        warn_of_early_end(log)
     typer.echo(str(file))
 
 
@@ -167,18 +241,15 @@ def export(
     run = run_or_last(run)
     from msrr_bullet.export import write_csv
     from msrr_bullet.export.rerun_file import write_rerun
-    from msrr_bullet.log import unpacked_log
 
     if as_rerun:
         file = out if out is not None else folder_of(run) / RERUN_NAME
-        with status_line(open_console(), f"{run}: writing a recording"), unpacked_log(run) as log:
+        with _open_log(run, "writing a recording") as log:
             check_writable(file, "--out")
             write_rerun(log, file)
-        warn_of_early_end(log)
         typer.echo(str(file))
         return
     folder = out if out is not None else folder_of(run) / TABLES_NAME
-    with status_line(open_console(), f"{run}: writing tables"), unpacked_log(run) as log:
+    with _open_log(run, "writing tables") as log:
         written = write_csv(log, folder)
-    warn_of_early_end(log)
     typer.echo(f"{folder}: {', '.join(path.name for path in written)}")

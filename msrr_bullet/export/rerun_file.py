@@ -7,7 +7,6 @@ detections and curves are added here.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -33,6 +32,7 @@ from msrr_scenes.messages import (
     onboard_camera,
 )
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.whole_files import part_of, put_in_place
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -66,16 +66,14 @@ def write_rerun(log: Log, path: Path) -> None:
             f"{log.path}: the log ends early, and Rerun reads only whole ones; export it with --csv"
         )
     file = path.resolve()
-    part = file.with_name(f".msrr-{os.getpid()}.rrd")  # in the same folder, to be moved within one disk
+    part = part_of(file, ".rrd")
     try:
         part.write_bytes(b"")  # Rerun's own error is an error of its program
-        if file.exists():
-            file.open("r+").close()  # one that may not be written may not be replaced
         _write(log, part)
         # A thread of Rerun writes the file, and does not report that it cannot; the footer comes last.
         if not part.read_bytes()[-_FOOTER_SIZE:].startswith(_FOOTER):
             raise MsrrError(f"{path}: cannot be written to its end; is the disk full?")
-        part.replace(file)
+        put_in_place(part, file)
     except OSError as error:
         raise MsrrError(f"{path}: cannot be written ({error.strerror})") from None
     except RuntimeError as error:

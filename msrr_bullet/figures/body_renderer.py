@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from msrr_bullet.built_poses import obstacle_tag_pose
+from msrr_bullet.built_poses import PlacedTag, placed_tags
 from msrr_bullet.figures.canvas import Image, bgr
 from msrr_bullet.figures.perspective import Perspective
 from msrr_bullet.render.raster.assembly import VisualShape
@@ -27,7 +27,6 @@ from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import Solid
 from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.messages import Pixels
-from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.tag_families import TagFamily
 
@@ -60,9 +59,9 @@ class BodyRenderer:
             for X_BG, mesh, colour in _meshes(scene, built, name)
         ]
         plates = [
-            _plate_shape(frame, *tag, scene.tags.tag_family)
+            _plate_shape(frame, tag, name in scene.covered_units, scene.tags.tag_family)
             for frame, name in enumerate(self._names)
-            for tag in _plates(scene, built, name)
+            for tag in placed_tags(scene, built, name).values()
         ]
         self._primaries = []
         for channel in range(3):
@@ -143,27 +142,11 @@ def _solid(solid: Solid) -> Iterator[Mesh]:
             yield part.mesh.scaled(np.array(solid.size))
 
 
-def _plates(scene: Scene, built: AsBuilt, name: str) -> Iterator[tuple[SE3, float, int | None]]:
-    """Yield the tags of a body as they were built: ``X_BT``, size [m], and id; None for a blank plate."""
-    if name in scene.units:
-        hidden = any(isinstance(fault, MarkerHidden) and fault.unit == name for fault in scene.faults)
-        geometry, scale = built.units[name].geometry, built.units[name].print_scale
-        for slot, tag_id in scene.tag_ids(name).items():
-            yield geometry.frame(slot), scale * scene.tag_size(name, slot), None if hidden else tag_id
-    elif name in built.obstacle_tags:
-        spec, tag = scene.obstacles[name], built.obstacle_tags[name]
-        yield obstacle_tag_pose(spec.height_m, tag), tag.print_scale * spec.tag_m, spec.tag_id
-
-
-def _plate_shape(frame: int, X_BT: SE3, size: float, tag_id: int | None, family: TagFamily) -> VisualShape:
-    lifted = X_BT @ SE3(p=np.array([0.0, 0.0, -_LIFT]))
-    return VisualShape(
-        frame,
-        lifted,
-        _square(family.plate_ratio * size),
-        1.0,
-        texture_of(plate_texture(tag_id, family)[..., 0]),
-    )
+def _plate_shape(frame: int, tag: PlacedTag, covered: bool, family: TagFamily) -> VisualShape:
+    """Return the plate of a tag, which is blank if the tag is covered."""
+    lifted = tag.X_BT @ SE3(p=np.array([0.0, 0.0, -_LIFT]))
+    print_ = plate_texture(None if covered else tag.tag_id, family)
+    return VisualShape(frame, lifted, _square(family.plate_ratio * tag.size), 1.0, texture_of(print_[..., 0]))
 
 
 def _square(edge: float) -> Mesh:

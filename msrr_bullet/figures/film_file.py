@@ -15,6 +15,7 @@ from cv2.utils import logging
 
 from msrr_bullet.figures.canvas import Image
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.whole_files import part_of, put_in_place
 
 #: Pictures in a second of a film.
 RATE = 25
@@ -45,8 +46,7 @@ class FilmFile:
             FilmError: There is no such kind of film, no such folder, or a GIF would have too many pictures.
         """
         self._path, self._kind = path, path.suffix.lower()
-        # In the same folder, to be moved within one disk.
-        self._part = path.resolve().with_name(f".msrr-{os.getpid()}{self._kind}")
+        self._part = part_of(path.resolve(), self._kind)
         self._writer: cv2.VideoWriter | None = None
         self._written = 0
         self._gif: list[Image] = []
@@ -94,7 +94,7 @@ class FilmFile:
                 self._finish(self._writer, broken_off=kind is not None)
             elif kind is None and self._gif:
                 self._part.write_bytes(_gif(self._path, self._gif))
-                self._replace()
+                put_in_place(self._part, self._path.resolve())
         except OSError as failure:
             raise FilmError(f"{self._path}: cannot be written ({failure.strerror})") from None
         finally:
@@ -106,14 +106,9 @@ class FilmFile:
             writer.release()
             whole = not broken_off and _pictures_in(self._part) == self._written
         if whole:
-            self._replace()
+            put_in_place(self._part, self._path.resolve())
         elif not broken_off:
             raise FilmError(f"{self._path}: cannot be written to its end; is the disk full?")
-
-    def _replace(self) -> None:
-        if self._path.exists():
-            self._path.open("r+").close()  # one that may not be written may not be replaced
-        self._part.replace(self._path.resolve())
 
 
 @contextmanager

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from msrr_bullet.built_poses import camera_pose, obstacle_tag_pose, overhead_camera_pose
+from msrr_bullet.built_poses import PlacedTag, camera_pose, overhead_camera_pose, placed_tags
 from msrr_bullet.timeline.palette import OBSTACLE, link_colour, unit_colours
 from msrr_scenes.arrays import Array
 from msrr_scenes.as_built import AsBuilt
@@ -20,7 +20,6 @@ from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
-from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
 
 #: Distance from the camera below which everything is cut off [m].
@@ -137,12 +136,12 @@ class Solids:
 
     Attributes:
         shapes: Convex solids, each as points (N, 3) [m] whose hull it is, and a colour.
-        tags: Tags, each as ``X_BT`` and its size [m].
+        tags: Tags as they were built.
         plate_ratio: Edge of the print of a tag over its size.
     """
 
     shapes: tuple[tuple[Array, int], ...]
-    tags: tuple[tuple[SE3, float], ...]
+    tags: tuple[PlacedTag, ...]
     plate_ratio: float
 
     @property
@@ -152,27 +151,22 @@ class Solids:
 
     def squares(self, X_WB: SE2) -> Iterator[tuple[SE3, Array, Array]]:
         """Yield ``X_WT`` of every tag, and the corners of plate and square in W, each (4, 3) [m]."""
-        for X_BT, size in self.tags:
-            X_WT = SE3.from_se2(X_WB) @ X_BT
-            yield X_WT, X_WT.act(tag_corners(self.plate_ratio * size)), X_WT.act(tag_corners(size))
+        for tag in self.tags:
+            X_WT = SE3.from_se2(X_WB) @ tag.X_BT
+            yield X_WT, X_WT.act(tag_corners(self.plate_ratio * tag.size)), X_WT.act(tag_corners(tag.size))
 
 
 def scene_solids(scene: Scene, built: AsBuilt) -> dict[str, Solids]:
     """Return the solids of every body of a scene by name, without covered tags, as they were built."""
-    hidden = {fault.unit for fault in scene.faults if isinstance(fault, MarkerHidden)}
+    shapes = {
+        unit: tuple((s.points(), link_colour(s.link, colour)) for s in built.units[unit].geometry.solids)
+        for unit, colour in unit_colours(scene).items()
+    }
+    shapes |= {name: ((spec.solid.points(), OBSTACLE),) for name, spec in scene.obstacles.items()}
     solids, ratio = {}, scene.tags.tag_family.plate_ratio
-    for unit, colour in unit_colours(scene).items():
-        geometry, scale = built.units[unit].geometry, built.units[unit].print_scale
-        shapes = tuple((solid.points(), link_colour(solid.link, colour)) for solid in geometry.solids)
-        slots = () if unit in hidden else geometry.tag_slots
-        tags = tuple((geometry.frame(s), scale * scene.tag_size(unit, s)) for s in slots)
-        solids[unit] = Solids(shapes, tags, ratio)
-    for name, spec in scene.obstacles.items():
-        tags = ()
-        if name in built.obstacle_tags:
-            tag = built.obstacle_tags[name]
-            tags = ((obstacle_tag_pose(spec.height_m, tag), tag.print_scale * spec.tag_m),)
-        solids[name] = Solids(((spec.solid.points(), OBSTACLE),), tags, ratio)
+    for name, own in shapes.items():
+        shown = {} if name in scene.covered_units else placed_tags(scene, built, name)
+        solids[name] = Solids(own, tuple(shown.values()), ratio)
     return solids
 
 

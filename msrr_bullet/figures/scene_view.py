@@ -214,4 +214,4 @@ def look_at_all(points_W: Array, camera: PinholeCamera) -> Perspective:
 
 def _height(solids: Solids) -> float:
     """Return the height of a body with its tags [m]."""
-    return max(float(solids.points[:, 2].max()), *(float(X_BT.p[2]) for X_BT, _ in solids.tags), 0.0)
+    return max(float(solids.points[:, 2].max()), *(float(tag.X_BT.p[2]) for tag in solids.tags), 0.0)

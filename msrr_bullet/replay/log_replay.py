@@ -8,7 +8,7 @@ from msrr_bullet.log.codec import LogError
 from msrr_bullet.log.reader import read_log, unpacked
 from msrr_bullet.replay.comparison import ReplayError, ReplayReport
 from msrr_bullet.replay.coordinated_replayer import CoordinatedReplayer
-from msrr_bullet.replay.planned_replayer import PlannedReplayer, RobotFactory, fail_safe_autonomy
+from msrr_bullet.replay.replayer import PlannedReplayer, RobotFactory, fail_safe_autonomy
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import check_scene
 from msrr_scenes.registry import choices, is_import_path

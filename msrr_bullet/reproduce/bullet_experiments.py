@@ -7,17 +7,19 @@ import math
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from msrr_bullet.reproduce.measured_trial import MeasuredTrial, TrialCache, measured_trial
+from msrr_bullet.reproduce.measured_trial import MeasuredTrial, measured_trial
 from msrr_bullet.reproduce.progress import Forecast, ProgressListener, TrialCounter
 from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.measures import MEASURES, OBSTACLE_MEASURES, Measure, PhaseName, paper_measures
 from msrr_bullet.studies.model import Count, Measured, Reproduction, Row, Table, rates_of
+from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.summary import TrialFailure
-from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.trials import run_trials
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.errors import MsrrError, SceneError
@@ -119,16 +121,16 @@ def paper_experiments(docking: dict[str, Choice], mission: str = "two_units") ->
 def reproduce_bullet(
     experiments: Iterable[Experiment],
     seeds: range,
-    folder: Path,
+    store: Path,
     jobs: int = 1,
     on_progress: ProgressListener = lambda text: None,
 ) -> Reproduction:
-    """Run the experiments; a trial that ``folder`` holds from the same scene and code is not run again.
+    """Run the experiments; a trial that ``store`` holds from the same scene and code is not run again.
 
     Args:
         experiments: Experiments to run.
         seeds: Seeds of the trials of each experiment and controller.
-        folder: Folder in which every trial is stored.
+        store: SQLite file in which every trial is stored.
         jobs: Number of trials that run at the same time.
         on_progress: Called with a line of text whenever a trial is done.
 
@@ -144,7 +146,7 @@ def reproduce_bullet(
         trials: dict[str, tuple[MeasuredTrial, ...]] = {}
         for label in experiment.docking:
             counter = TrialCounter(on_progress, forecast, experiment.name, label, len(seeds))
-            trials[label] = run_or_fetch_trials(experiment.load(label), seeds, folder, jobs, counter)
+            trials[label] = run_or_fetch_trials(experiment.load(label), seeds, store, jobs, counter)
         seconds_by_name[experiment.name] = round(time.perf_counter() - began, 2)
         tables += [
             Table(
@@ -170,14 +172,14 @@ def _relative_duration(experiment: Experiment) -> float:
 
 
 def run_or_fetch_trials(
-    scene: Scene, seeds: range, folder: Path, jobs: int, counter: TrialCounter
+    scene: Scene, seeds: range, store: Path, jobs: int, counter: TrialCounter
 ) -> tuple[MeasuredTrial, ...]:
     """Run or fetch a measured trial for each seed, in order.
 
     Args:
         scene: Scene with its controllers.
         seeds: Seeds of the trials.
-        folder: Folder in which the trials are stored.
+        store: SQLite file in which the trials are stored.
         jobs: Number of trials that run at the same time.
         counter: Counts each trial.
 
@@ -185,27 +187,29 @@ def run_or_fetch_trials(
         KeyboardInterrupt: The run was interrupted; all trials computed so far are stored.
         MsrrError: The scene cannot be run, the program failed in a trial, or the code was changed meanwhile.
     """
-    cache = TrialCache(folder, scene)
-    # A class of a user's own may have failed for what is mended since, such as a missing file.
-    stored = (t for t in cache if t.outcome is not Outcome.PROGRAM_FAILED)
-    trials = {t.seed: t for t in stored if t.seed in seeds}
-    counter.add_stored(len(trials))
+    counter.add_stored(0)
 
-    def store(found: TrialResult | TrialFailure, reused: bool) -> None:
-        if isinstance(found, MeasuredTrial):
-            cache.put(found)
-            trials[found.seed] = found
+    def count(found: TrialResult | TrialFailure, stored: bool) -> None:
+        if stored:
+            counter.add_stored(1)
+        else:
             counter.add_run()
 
-    missing = [seed for seed in seeds if seed not in trials]
-    if missing:
-        summary = sweep(scene, missing, jobs, trial=measured_trial, observer=store)
-        if summary.interrupted:
-            raise KeyboardInterrupt
-        if summary.failures:
-            first = summary.failures[0]
-            raise MsrrError(f"{scene.name}, seed {first.seed}: the program failed: {first.error}")
-    return tuple(trials[seed] for seed in seeds)
+    trial = partial(measured_trial, code=code_fingerprint(scene))
+    finished = run_trials(
+        [(scene, seeds)], jobs, store, trial=trial, result_type=MeasuredTrial, observer=count
+    )
+    if finished.interrupted:
+        raise KeyboardInterrupt
+    by_seed = {found.seed: found for found in finished.outcomes.values()}
+    trials = []
+    for seed in seeds:
+        found = by_seed[seed]
+        if isinstance(found, TrialFailure):
+            raise MsrrError(f"{scene.name}, seed {seed}: the program failed: {found.error}")
+        assert isinstance(found, MeasuredTrial)
+        trials.append(found)
+    return tuple(trials)
 
 
 def _row(experiment: Experiment, label: str, phase: PhaseName, trials: tuple[MeasuredTrial, ...]) -> Row:

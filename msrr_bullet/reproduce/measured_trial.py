@@ -1,13 +1,11 @@
-"""A trial of the real loop with the paper's figures, and the files in which such trials are stored."""
+"""A trial of the real loop with the paper's figures."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Annotated
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from msrr_bullet.reproduce.trial_series import DockingSeries, SeriesRecorder
 from msrr_bullet.studies.measures import SETTLED_M
@@ -15,8 +13,7 @@ from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.timeline.path_following_series import PathFollowingSeries
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import Contact
-from msrr_scenes.errors import MsrrError
-from msrr_scenes.loading.load import scene_hash
+from msrr_scenes.errors import ChangedFileError
 from msrr_scenes.specs.scene import Scene
 
 
@@ -31,13 +28,11 @@ class MeasuredTrial(TrialResult, ser_json_inf_nan="strings"):
             every approach, from the hand-over to the contact, by truth; None without an approach.
         kept_in_cone: Whether both edges stayed within the outer bound of the line of sight, which is narrower
             than the field of view; None without an approach.
-        code: :func:`msrr_bullet.sweep.provenance.code_fingerprint` in the process that ran the trial.
     """
 
     measures: dict[str, Annotated[float, Field(allow_inf_nan=True)]] = Field(default_factory=dict)
     kept_in_view: bool | None = None
     kept_in_cone: bool | None = None
-    code: str
 
 
 def record_trial(
@@ -65,9 +60,25 @@ def _last_contact(scene: Scene, result: TrialResult) -> Contact | None:
     return last.contact if last.index == len(scene.docks) - 1 else None
 
 
-def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:
-    """Run a trial and measure it; a :data:`msrr_bullet.sweep.sweep.TrialFunction`."""
+def measured_trial(scene: Scene, seed: int, code: str | None = None) -> MeasuredTrial:
+    """Run a trial and measure it; a :data:`msrr_bullet.sweep.worker_pool.TrialFunction`.
+
+    Args:
+        scene: The scene.
+        seed: Seed of the trial.
+        code: Fingerprint of the code that has to run it; None allows any.
+
+    Raises:
+        ChangedFileError: The code of this process is another one: it loads the source files when it starts,
+            and they may have been edited since ``code`` was computed.
+    """
     result, path_following, docking = record_trial(scene, seed)
+    if code is not None and code_fingerprint(scene) != code:
+        raise ChangedFileError(
+            f"{scene.name}, seed {seed}: the code was changed while the trials ran. This trial was run with"
+            " other code than those before it and is not stored. Start again, from a copy of the project that"
+            " nobody edits"
+        )
     measures = {} if docking is not None else {"settling": math.inf}
     if path_following is not None:
         measures.update(path_following.measures())
@@ -84,58 +95,4 @@ def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:
         measures=measures,
         kept_in_view=docking.kept_within(half_fov) if docking is not None else None,
         kept_in_cone=docking.kept_within(scene.los.outer) if docking is not None else None,
-        code=code_fingerprint(scene),
     )
-
-
-class TrialCache:
-    """A file with the measured trials of one scene, a JSON line each, so that an interrupted run resumes.
-
-    A trial is used only for the scene (all its values, URDFs and meshes) and the code (every source file, the
-    versions of the packages) that it was run with; otherwise it is run again.
-    """
-
-    def __init__(self, folder: Path, scene: Scene) -> None:
-        """Open the file of this scene and this code in ``folder``."""
-        folder.mkdir(parents=True, exist_ok=True)
-        self._scene, self._code = scene_hash(scene), code_fingerprint(scene)
-        self.path = folder / f"{self._scene[:12]}-{self._code[:12]}.jsonl"
-        if self.path.is_file():  # a killed run may have left an incomplete line
-            complete, newline, incomplete = self.path.read_bytes().rpartition(b"\n")
-            if incomplete:
-                self.path.write_bytes(complete + newline)
-
-    def __iter__(self) -> Iterator[MeasuredTrial]:
-        """Iterate over the stored trials.
-
-        Raises:
-            MsrrError: A line is not a trial, or is a trial of another scene or other code.
-        """
-        if not self.path.is_file():
-            return
-        for number, line in enumerate(self.path.read_text(encoding="utf-8").splitlines(), start=1):
-            try:
-                trial = MeasuredTrial.model_validate_json(line)
-            except ValidationError as error:
-                raise MsrrError(f"{self.path}:{number}: not a measured trial; remove the file") from error
-            if (trial.scene_hash, trial.code) != (self._scene, self._code):
-                raise MsrrError(f"{self.path}:{number}: a trial of another scene or code; remove the file")
-            yield trial
-
-    def put(self, trial: MeasuredTrial) -> None:
-        """Store a trial.
-
-        Raises:
-            MsrrError: The trial is of another scene, or of other code: a worker loads the source files when
-                it starts, and they may have been edited since this process loaded them.
-        """
-        if trial.scene_hash != self._scene:
-            raise MsrrError(f"{self.path}: a trial of another scene does not belong here")
-        if trial.code != self._code:
-            raise MsrrError(
-                f"{trial.scene}, seed {trial.seed}: the code was changed while the trials ran. This trial was"
-                " run with other code than those before it and is not stored. Start again, from a copy of the"
-                " project that nobody edits"
-            )
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(trial.model_dump_json() + "\n")

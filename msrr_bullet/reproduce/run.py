@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from datetime import datetime
 from pathlib import Path
 
 from msrr_bullet.reproduce.bullet_experiments import paper_experiments, reproduce_bullet
@@ -16,7 +15,7 @@ from msrr_bullet.reproduce.report.map_plot import draw_gain_delay_map
 from msrr_bullet.reproduce.report.panel_plot import draw_panels
 from msrr_bullet.reproduce.report.strip_plot import draw_strips
 from msrr_bullet.reproduce.unicycle_studies import Contenders, reproduce_unicycle
-from msrr_bullet.run_folder import locked, make_folder
+from msrr_bullet.run_folder import locked, make_folder, progress_log
 from msrr_bullet.studies.gain_delay import PAPER_LIKE
 from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.model import Reproduction
@@ -52,7 +51,8 @@ def reproduce(
     """Reproduce the paper; write ``report.html``, ``reproduction.json`` and the PNGs to ``out``.
 
     Every line of progress is also written to ``out/progress.txt``, so that a run in the background can be
-    followed. An interrupted run of the real loop resumes from ``out/trials`` if scene and code are unchanged.
+    followed. An interrupted run of the real loop resumes from ``out/trials.sqlite`` if scene and code are
+    unchanged.
 
     Args:
         out: Folder to write to; it is created if it does not exist.
@@ -73,11 +73,7 @@ def reproduce(
         for label in experiment.docking:
             experiment.load(label)
 
-    def report(text: str) -> None:
-        with (out / "progress.txt").open("a", encoding="utf-8") as lines:
-            lines.write(f"{datetime.now():%Y-%m-%d %H:%M:%S} {text}\n")
-        on_progress(text)
-
+    report = progress_log(out, on_progress)
     with locked(out):
         parts: list[Reproduction] = []
         if unicycle is not None:
@@ -86,7 +82,7 @@ def reproduce(
                 compared: Contenders = {"long": contenders("assembly"), "close": contenders("docking")}
                 parts.append(reproduce_unicycle(unicycle, compared, pool, report))
         if bullet is not None:
-            found = reproduce_bullet(experiments, bullet, out / "trials", jobs, report)
+            found = reproduce_bullet(experiments, bullet, out / "trials.sqlite", jobs, report)
             report("the paper's Fig. 6 in the real loop")
             cell = parts[0].maps[0].paper_cell if parts else PAPER_LIKE
             parts.append(found.model_copy(update={"figure6": (bullet_figure6(bullet.start, cell),)}))

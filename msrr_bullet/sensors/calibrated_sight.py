@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from msrr_bullet.built_poses import camera_pose, obstacle_tag_pose, overhead_camera_pose
+from msrr_bullet.built_poses import camera_pose, overhead_camera_pose, placed_tags
 from msrr_bullet.render.renderer import NEAR_M
 from msrr_perception.pose.joint_pose import joint_pose
 from msrr_perception.pose.overhead_model import OverheadModel
@@ -45,17 +45,14 @@ class OnboardSight:
         Raises:
             GeometryError: The lens that was built has no inverse in the frame.
         """
-        target, drawn = built.units[step.target_unit], scene.geometry(step.target_unit)
+        drawn, tags = scene.geometry(step.target_unit), placed_tags(scene, built, step.target_unit)
         self._told = TargetModel.from_scene(scene.told(), step)
         self._camera = _TrueCamera(built.units[step.unit].camera)
         self._X_CU = optical_pose(camera_pose(scene, built, step.unit)).inverse()
         X_DT = SE3.from_se2(drawn.dock_frame(step.target_port)).inverse()
-        ids = scene.tag_ids(step.target_unit)
         self._corners_D = {
-            ids[slot]: (X_DT @ target.geometry.frame(slot)).act(
-                tag_corners(target.print_scale * scene.tag_size(step.target_unit, slot))
-            )
-            for slot in drawn.marker_slots(step.target_port)
+            tag.tag_id: (X_DT @ tag.X_BT).act(tag_corners(tag.size))
+            for tag in (tags[slot] for slot in drawn.marker_slots(step.target_port))
         }
 
     def see(self, X_DU: SE2) -> tuple[SE2 | None, Bearings]:
@@ -98,17 +95,9 @@ class OverheadSight:
         self._localizer, self._tag_of, self._lens = model.localizer(), model.tag_of, model.lens
         self._camera = _TrueCamera(built.overhead)
         self._X_CW = overhead_camera_pose(scene, built).inverse()
-        self._corners_B: dict[str, Array] = {}
-        for name in model.tag_of:
-            if name in built.units:
-                unit, size = built.units[name], scene.tag_size(name, "tag_top")
-                self._corners_B[name] = unit.geometry.frame("tag_top").act(
-                    tag_corners(unit.print_scale * size)
-                )
-            else:
-                obstacle, tag = scene.obstacles[name], built.obstacle_tags[name]
-                X_BT = obstacle_tag_pose(obstacle.height_m, tag)
-                self._corners_B[name] = X_BT.act(tag_corners(tag.print_scale * obstacle.tag_m))
+        self._corners_B = {
+            name: placed_tags(scene, built, name)["tag_top"].corners_B for name in model.tag_of
+        }
 
     def see(self, name: str, X_WB: SE2) -> SE2 | None:
         """Return the pose that the robot computes of a body at ``X_WB``.

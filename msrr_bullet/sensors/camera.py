@@ -9,8 +9,7 @@ import numpy as np
 
 from msrr_bullet.render import ExposureRenderer, Instant, Renderer
 from msrr_bullet.sensors.camera_motion import CameraMotion
-from msrr_bullet.sensors.frame_dropout import FrameDropout
-from msrr_bullet.sensors.frame_timing import FrameTiming
+from msrr_bullet.sensors.frame_sequence import FrameSequence
 from msrr_bullet.sensors.image_noise import ImageNoise
 from msrr_bullet.sensors.image_response import image_response, jpeg_round_trip, whole_blocks
 from msrr_bullet.sensors.shutter import Shutter
@@ -20,7 +19,7 @@ from msrr_scenes.geometry.distortion import IDEAL_LENS
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Exposure, Pixels
-from msrr_scenes.random_streams import stream, stream_key
+from msrr_scenes.random_streams import stream_key
 from msrr_scenes.specs.faults import Fault
 from msrr_scenes.specs.sensors import CameraSpec
 
@@ -39,7 +38,7 @@ class Camera:
         name: Name of the camera.
         spec: Data sheet of the camera.
         pinhole: True intrinsics.
-        timing: Clock and latency.
+        frames: Clock, losses and latency.
     """
 
     def __init__(
@@ -74,7 +73,7 @@ class Camera:
         built = built or BuiltCamera(spec.pinhole, distortion=spec.distortion)
         self.pinhole: PinholeCamera = built.pinhole
         self._distortion = None if built.distortion == IDEAL_LENS else built.distortion
-        self.timing = FrameTiming(spec, built, stream(seed, f"camera/{name}/jitter"))
+        self.frames = FrameSequence(name, spec, built, seed, faults)
         self._renderer = renderer
         self._pose = pose
         key = stream_key(seed, f"camera/{name}/noise")
@@ -90,7 +89,6 @@ class Camera:
             )
         self._motion: CameraMotion | None = None
         self._noise = ImageNoise(key, spec.blur_px, spec.noise_grey, spec.shot_grey, response)
-        self._dropout = FrameDropout(name, spec.dropout, stream(seed, f"camera/{name}/dropout"), faults)
         self._exposure: Exposure | None = None
         self._X_WC = SE3()
         self._read_out: list[tuple[Window, Pixels]] = []
@@ -100,10 +98,9 @@ class Camera:
 
         Lost frames are numbered too, so that the number of a frame does not depend on losses.
         """
-        frame, lost = self._dropout.next_frame(stamp_ns)
         self._read_out = []
-        self._exposure = None if lost else Exposure(self.name, frame, self.timing.stamp(stamp_ns))
-        if not lost:
+        self._exposure = self.frames.expose(stamp_ns)
+        if self._exposure is not None:
             self._X_WC = self._pose()
             self._motion = self._observe() if self._observe else None
         return self._exposure

@@ -17,14 +17,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_bullet.built_poses import obstacle_tag_pose
+from msrr_bullet.built_poses import placed_tags
 from msrr_bullet.sensors.kernels.image_motion import fastest_corner, place_tags
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.messages import Twist
 
 #: Tags that are nearer do not count: a camera could no longer see one as a whole [m].
@@ -147,19 +146,11 @@ class MotionSensor:
     def _tags(self) -> dict[str, Array]:
         """Corners of the tags of each body but the carrier, in the body's frame, shape (K, 4, 3) [m]."""
         scene, built = self._simulation.scene, self._simulation.built
-        tags = {}
-        for name in scene.units:
-            unit = built.units[name]
-            if name != self._carrier:
-                tags[name] = [
-                    unit.geometry.frame(slot).act(tag_corners(unit.print_scale * scene.tag_size(name, slot)))
-                    for slot in unit.geometry.tag_slots
-                ]
-        for name, tag in built.obstacle_tags.items():
-            spec = scene.obstacles[name]
-            X_BT = obstacle_tag_pose(spec.height_m, tag)
-            tags[name] = [X_BT.act(tag_corners(tag.print_scale * spec.tag_m))]
-        return {name: np.array(corners).reshape(-1, 4, 3) for name, corners in tags.items()}
+        bodies = (name for name in (*scene.units, *built.obstacle_tags) if name != self._carrier)
+        tags = {name: placed_tags(scene, built, name).values() for name in bodies}
+        return {
+            name: np.array([tag.corners_B for tag in own]).reshape(-1, 4, 3) for name, own in tags.items()
+        }
 
 
 def _unit_motion(simulation: Simulation, unit: str) -> BodyMotion | None:

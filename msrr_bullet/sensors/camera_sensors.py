@@ -79,7 +79,7 @@ class RenderedCameraSensor:
 
     def next_latency_ns(self) -> int:
         """Return how long the frame that was captured last is under way."""
-        return self.camera.timing.next_latency_ns()
+        return self.camera.frames.next_latency_ns()
 
     def _fetch(self, window: Window) -> Pixels:
         with self._profiler("render"):

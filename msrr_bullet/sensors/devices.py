@@ -15,8 +15,7 @@ from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.sensors.camera_motion import MotionSensor
 from msrr_bullet.sensors.camera_sensors import CameraSensor, RenderedCameraSensor
 from msrr_bullet.sensors.command_link import CommandLink
-from msrr_bullet.sensors.frame_dropout import FrameDropout
-from msrr_bullet.sensors.frame_timing import FrameTiming
+from msrr_bullet.sensors.frame_sequence import FrameSequence
 from msrr_bullet.sensors.localisation_error import LocalisationError
 from msrr_bullet.sensors.parametric_cameras import ParametricOnboardCamera, ParametricOverheadCamera
 from msrr_bullet.sensors.radio import Radio
@@ -70,8 +69,7 @@ class Devices:
         self.radio = Radio(spec, tuple(scene.units), seed) if scene.coordinated else None
         self._cameras: dict[str, Camera] = {}
         self._renderers: list[tuple[Choice, int, Renderer]] = []
-        self._dropouts: dict[str, FrameDropout] = {}
-        self._timings: dict[str, FrameTiming] = {}
+        self._frames: dict[str, FrameSequence] = {}
         self._generators: dict[str, np.random.Generator] = {}
         self._localisation: LocalisationError | None = None
 
@@ -134,8 +132,7 @@ class Devices:
             step,
             X_DU,
             self._errors(name),
-            self._dropout(name, spec),
-            self._timing(name, spec, built.units[step.unit].camera),
+            self._frames_of(name, spec, built.units[step.unit].camera),
             None if built.is_as_designed else OnboardSight(scene, built, step),
         )
 
@@ -149,8 +146,7 @@ class Devices:
             spec,
             self._simulation.poses,
             self._errors(OVERHEAD),
-            self._dropout(OVERHEAD, spec),
-            self._timing(OVERHEAD, spec, built.overhead),
+            self._frames_of(OVERHEAD, spec, built.overhead),
             None if built.is_as_designed else OverheadSight(scene, built),
         )
 
@@ -191,18 +187,12 @@ class Devices:
         name = f"camera/{camera}/parametric"
         return self._generators.setdefault(name, stream(self._seed, name))
 
-    def _timing(self, camera: str, spec: CameraSpec, built: BuiltCamera) -> FrameTiming:
-        """Return clock and latency of a parametric camera; all steps share the sequence of its jitter."""
-        if camera not in self._timings:
-            rng = stream(self._seed, f"camera/{camera}/jitter")
-            self._timings[camera] = FrameTiming(spec, built, rng)
-        return self._timings[camera]
-
-    def _dropout(self, camera: str, spec: CameraSpec) -> FrameDropout:
-        if camera not in self._dropouts:
-            rng = stream(self._seed, f"camera/{camera}/dropout")
-            self._dropouts[camera] = FrameDropout(camera, spec.dropout, rng, self._simulation.scene.faults)
-        return self._dropouts[camera]
+    def _frames_of(self, camera: str, spec: CameraSpec, built: BuiltCamera) -> FrameSequence:
+        """Return the frames of a parametric camera; all steps share the sequence."""
+        if camera not in self._frames:
+            faults = self._simulation.scene.faults
+            self._frames[camera] = FrameSequence(camera, spec, built, self._seed, faults)
+        return self._frames[camera]
 
 
 class _FailedRenderer:

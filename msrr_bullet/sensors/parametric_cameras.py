@@ -13,19 +13,16 @@ import numpy as np
 
 from msrr_bullet.robot.interface import CameraReader
 from msrr_bullet.sensors.calibrated_sight import Bearings, OnboardSight, OverheadSight
-from msrr_bullet.sensors.frame_dropout import FrameDropout
-from msrr_bullet.sensors.frame_timing import FrameTiming
+from msrr_bullet.sensors.frame_sequence import FrameSequence
 from msrr_scenes.arrays import frozen
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     OVERHEAD,
-    Exposure,
     GlobalPose,
     PoseMeasurement,
     SensorMessage,
     onboard_camera,
 )
-from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
@@ -44,8 +41,7 @@ class ParametricOnboardCamera:
         step: DockStep,
         X_DU: Callable[[], SE2],
         rng: np.random.Generator,
-        dropout: FrameDropout,
-        timing: FrameTiming,
+        frames: FrameSequence,
         sight: OnboardSight | None = None,
     ) -> None:
         """Measure the docking unit of ``step`` in the dock frame of the target.
@@ -55,8 +51,7 @@ class ParametricOnboardCamera:
             step: The step of the plan.
             X_DU: Returns the true pose of the docking unit in the dock frame.
             rng: Generator of the measurement errors, used by no other object.
-            dropout: Draws the lost frames of this camera.
-            timing: Clock and latency of this camera.
+            frames: Clock, losses and latency of this camera.
             sight: What the robot makes of what was built; None if all is as designed.
         """
         self.name = onboard_camera(step.unit)
@@ -64,11 +59,10 @@ class ParametricOnboardCamera:
         self._los = scene.los
         self._X_DU = X_DU
         self._X_UC = scene.geometry(step.unit).frame("camera").to_se2()
-        self._timing = timing
+        self._frames = frames
         self._sight = sight
         self._rng = rng
-        self._dropout = dropout
-        self._hidden = any(isinstance(f, MarkerHidden) and f.unit == step.target_unit for f in scene.faults)
+        self._hidden = step.target_unit in scene.covered_units
         errors = scene.parametric
         self._sigma_bearing = math.radians(errors.sigma_bearing_deg)
         self._sigma_pose = (errors.sigma_xy_m, errors.sigma_xy_m, math.radians(errors.sigma_yaw_deg))
@@ -76,10 +70,10 @@ class ParametricOnboardCamera:
 
     def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
         """Draw one measurement; none when the frame was lost or neither edge of the target is in view."""
-        frame, lost = self._dropout.next_frame(now_ns)
+        exposure = self._frames.expose(now_ns)
         noise = self._rng.standard_normal(5).tolist()  # as many for every frame, whatever is seen
         X_DU, bearings = self._see(self._X_DU())
-        if lost or self._hidden or X_DU is None or bearings == (None, None):
+        if exposure is None or self._hidden or X_DU is None or bearings == (None, None):
             return ()
         left, right = (
             None if bearing is None else bearing + self._sigma_bearing * n
@@ -87,12 +81,11 @@ class ParametricOnboardCamera:
         )
         dx, dy, dyaw = (sigma * n for sigma, n in zip(self._sigma_pose, noise[:3], strict=True))
         X_measured = SE2(X_DU.x + dx, X_DU.y + dy, X_DU.yaw + dyaw)
-        exposure = Exposure(self.name, frame, self._timing.stamp(now_ns))
         return (PoseMeasurement(exposure, X_measured, self._covariance, (left, right)),)
 
     def next_latency_ns(self) -> int:
         """Return how long the frame that was captured last is under way."""
-        return self._timing.next_latency_ns()
+        return self._frames.next_latency_ns()
 
     def _see(self, X_DU: SE2) -> tuple[SE2 | None, Bearings]:
         """Return pose and bearings without their random errors; None where there are none."""
@@ -115,8 +108,7 @@ class ParametricOverheadCamera:
         spec: CameraSpec,
         poses: Callable[[], Mapping[str, SE2]],
         rng: np.random.Generator,
-        dropout: FrameDropout,
-        timing: FrameTiming,
+        frames: FrameSequence,
         sight: OverheadSight | None = None,
     ) -> None:
         """Measure every body that stands in the world and has a tag, as the detector of the camera does.
@@ -126,8 +118,7 @@ class ParametricOverheadCamera:
             spec: Data sheet of the camera.
             poses: Returns the true ``X_WB`` of every body that stands in the world now.
             rng: Generator of the measurement errors, used by no other object.
-            dropout: Draws the lost frames of this camera.
-            timing: Clock and latency of this camera.
+            frames: Clock, losses and latency of this camera.
             sight: What the robot makes of what was built; None if all is as designed.
         """
         self.name = OVERHEAD
@@ -136,25 +127,23 @@ class ParametricOverheadCamera:
         self._untagged = {name for name, obstacle in scene.obstacles.items() if obstacle.tag_id is None}
         self._poses = poses
         self._rng = rng
-        self._dropout = dropout
-        self._timing, self._sight = timing, sight
+        self._frames, self._sight = frames, sight
         xy, yaw = scene.parametric.sigma_xy_m, math.radians(scene.parametric.sigma_yaw_deg)
         self._sigma = np.array([xy, xy, yaw])
         self._covariance = frozen(np.diag(np.maximum(self._sigma, MIN_SIGMA) ** 2))
 
     def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
         """Draw one measurement of every body; none when the frame was lost."""
-        _, lost = self._dropout.next_frame(now_ns)
+        exposure = self._frames.expose(now_ns)
         # Errors are drawn for all bodies of the scene, so that the errors do not depend on who has appeared.
         errors = {name: self._sigma * self._rng.standard_normal(3) for name in self._bodies}
-        if lost:
+        if exposure is None:
             return ()
-        stamp_ns = self._timing.stamp(now_ns)
         seen = {name: self._see(name, X_WB) for name, X_WB in self._poses().items()}
         return tuple(
             GlobalPose(
                 name,
-                stamp_ns,
+                exposure.stamp_ns,
                 SE2(X.x + errors[name][0], X.y + errors[name][1], X.yaw + errors[name][2]),
                 self._covariance,
             )
@@ -164,7 +153,7 @@ class ParametricOverheadCamera:
 
     def next_latency_ns(self) -> int:
         """Return how long the frame that was captured last is under way."""
-        return self._timing.next_latency_ns()
+        return self._frames.next_latency_ns()
 
     def _see(self, name: str, X_WB: SE2) -> SE2 | None:
         """Return the pose of a body without its random error; None if it is not seen."""

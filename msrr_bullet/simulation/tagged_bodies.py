@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 from xml.etree.ElementTree import Element, SubElement
 
-from msrr_bullet.built_poses import obstacle_tag_pose
+from msrr_bullet.built_poses import placed_tags
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.built_urdf import build
 from msrr_bullet.simulation.tag_plates import (
@@ -22,7 +22,6 @@ from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import read_unit
-from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.temporary_files import room_for_temporary_files
 
@@ -49,7 +48,7 @@ class TagVisuals:
         self._built = built or as_designed(scene)
         self._folder = folder.resolve()
         self._pybullet_draws = pybullet_draws
-        self._hidden = {f.unit for f in scene.faults if isinstance(f, MarkerHidden)}
+        self._covered = scene.covered_units
 
     @room_for_temporary_files()
     def unit_urdf(self, unit: str) -> Path:
@@ -80,7 +79,7 @@ class TagVisuals:
 
     def _shown(self, unit: str, tag_id: int) -> int | None:
         """Return the tag that a plate of a unit shows; None for a blank one."""
-        return None if unit in self._hidden else tag_id
+        return None if unit in self._covered else tag_id
 
     def add_to_unit(self, client: int, body: int, unit: str) -> None:
         """Set the textures of the plates of a body that was loaded from the file of :meth:`unit_urdf`.
@@ -104,13 +103,16 @@ class TagVisuals:
 
     def add_to_obstacle(self, client: int, obstacle: str, X_WO: SE2) -> None:
         """Put the tag of an obstacle, if it has one, on the lid of the obstacle that stands at ``X_WO``."""
-        spec = self._scene.obstacles[obstacle]
-        if spec.tag_id is not None:
-            built = self._built.obstacle_tags[obstacle]
-            X_WT = SE3.from_se2(X_WO) @ obstacle_tag_pose(spec.height_m, built)
-            size = built.print_scale * spec.tag_m
+        for tag in placed_tags(self._scene, self._built, obstacle).values():
+            X_WT = SE3.from_se2(X_WO) @ tag.X_BT
             load_tag_plate(
-                client, plate_folder(), spec.tag_id, size, X_WT, self._family, textured=self._pybullet_draws
+                client,
+                plate_folder(),
+                tag.tag_id,
+                tag.size,
+                X_WT,
+                self._family,
+                textured=self._pybullet_draws,
             )
 
 

@@ -271,7 +271,7 @@ class BulletWorld:
     def _add_obstacle(self, name: str) -> int:
         spec, X_WB = self.scene.obstacles[name], self._placement.obstacles[name]
         body = add_obstacle(self.client, spec, X_WB)
-        if self._tags and spec.tag_id is not None:
+        if self._tags:
             self._tags.add_to_obstacle(self.client, name, X_WB)
         return body
 

@@ -12,8 +12,7 @@ from pydantic import Field
 
 from msrr_bullet.statistics import Quantiles, Rate, quantile, quantiles, wilson
 from msrr_bullet.studies.measures import MEASURES, OBSTACLE_MEASURES, Measure, PhaseName, measure
-from msrr_bullet.studies.result_part import ResultPart
-from msrr_bullet.studies.series import Figure6, Panels
+from msrr_bullet.studies.series import Figure6, Panels, ResultPart
 from msrr_scenes.arrays import Array
 
 

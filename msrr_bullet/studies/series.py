@@ -5,10 +5,13 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import BaseModel, BeforeValidator, Field
 
 from msrr_bullet.studies.measures import PhaseName
-from msrr_bullet.studies.result_part import ResultPart
+
+
+class ResultPart(BaseModel, frozen=True, extra="forbid", ser_json_inf_nan="strings"):
+    """A part of the results: frozen, without unknown keys, infinite numbers as strings."""
 
 
 def _rounded(values: Any) -> Any:

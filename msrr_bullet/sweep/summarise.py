@@ -17,6 +17,7 @@ from msrr_bullet.sweep.summary import (
 )
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import StepResult
+from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.messages import ExposureCounts
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
@@ -37,29 +38,36 @@ def _counts(outcomes: Counter[Outcome]) -> dict[str, int]:
 
 def summarise(
     scene: Scene,
-    scene_hash: str,
     code: str,
-    results: Iterable[TrialResult],
-    failures: Sequence[TrialFailure] = (),
+    ended: Sequence[TrialResult | TrialFailure],
     *,
     reused: int = 0,
     interrupted: bool = False,
 ) -> SweepSummary:
-    """Summarise the results of one scene."""
-    trials = list(results)
+    """Return the summary of trials of a scene.
+
+    Args:
+        scene: The scene.
+        code: Fingerprint of the code when they began.
+        ended: Results and failures of the trials that have ended.
+        reused: Number of results taken from a store.
+        interrupted: Whether the sweep was stopped before all trials were run.
+    """
+    trials = [outcome for outcome in ended if isinstance(outcome, TrialResult)]
+    failures = [outcome for outcome in ended if isinstance(outcome, TrialFailure)]
     outcomes = Counter(r.outcome for r in trials)
     steps = [step for r in trials for step in r.steps]
     plan = () if scene.coordinated else scene.docks
     return SweepSummary(
         scene=scene.name,
-        scene_hash=scene_hash,
+        scene_hash=trials[0].scene_hash if trials else scene_hash(scene),
         code=code,
         plant=scene.plant,
         perception=scene.perception,
         as_built=str(scene.as_built),
-        trials=len(trials) + len(failures),
+        trials=len(ended),
         outcomes=_counts(outcomes),
-        success=wilson(sum(r.docked for r in trials), len(trials) + len(failures)),
+        success=wilson(sum(r.docked for r in trials), len(ended)),
         min_clearance_m=min(_known(r.min_clearance_m for r in trials), default=None),
         false_docks=sum(any(s.outcome is Outcome.FALSE_DOCK for s in r.steps) for r in trials),
         redraws=sum(r.start_redraws for r in trials),

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.summarise import summarise
-from msrr_bullet.sweep.summary import SweepSummary, TrialFailure
+from msrr_bullet.sweep.summary import SweepSummary
 from msrr_bullet.sweep.trials import TrialObserver, one_trial, run_trials
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
-from msrr_bullet.trial.result import TrialResult
-from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.specs.scene import Scene
 
 
@@ -64,28 +62,4 @@ def sweep(
     )
     by_seed = {seed: outcome for (_, seed), outcome in finished.outcomes.items()}
     ended = [by_seed[seed] for seed in wanted if seed in by_seed]
-    return summary_of(scene, code, ended, reused=finished.reused, interrupted=finished.interrupted)
-
-
-def summary_of(
-    scene: Scene, code: str, ended: Sequence[TrialResult | TrialFailure], *, reused: int, interrupted: bool
-) -> SweepSummary:
-    """Return the summary of trials of a scene.
-
-    Args:
-        scene: The scene.
-        code: Fingerprint of the code when they began.
-        ended: Results and failures of the trials that have ended, in the order of the summary.
-        reused: Number of results taken from a store.
-        interrupted: Whether the sweep was stopped before all trials were run.
-    """
-    results = [outcome for outcome in ended if isinstance(outcome, TrialResult)]
-    return summarise(
-        scene,
-        results[0].scene_hash if results else scene_hash(scene),
-        code,
-        results,
-        [outcome for outcome in ended if isinstance(outcome, TrialFailure)],
-        reused=reused,
-        interrupted=interrupted,
-    )
+    return summarise(scene, code, ended, reused=finished.reused, interrupted=finished.interrupted)

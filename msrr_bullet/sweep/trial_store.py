@@ -61,13 +61,17 @@ def check_store(path: Path) -> None:
 class TrialStore:
     """Results keyed by (scene hash, seed, code). A result is safe on disk when :meth:`put` returns."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, result_type: type[TrialResult] = TrialResult) -> None:
         """Open a store; create it if the file does not exist.
+
+        Args:
+            path: The file.
+            result_type: Kind of its results.
 
         Raises:
             StoreError: The file is not a store, has another layout, or cannot be opened.
         """
-        self._path = path
+        self._path, self._result_type = path, result_type
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._db = sqlite3.connect(path.absolute(), timeout=30.0)  # SQLite has names of its own
@@ -160,7 +164,7 @@ class TrialStore:
     def _result(self, seed: int, text: str) -> TrialResult:
         """Return a stored result."""
         try:
-            result = TrialResult.from_json(text)
+            result = self._result_type.from_json(text)
         except ResultError as error:
             raise StoreError(
                 f"{self._path}: the result of seed {seed} cannot be read: {error}; use another store"

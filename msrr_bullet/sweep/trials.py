@@ -154,6 +154,7 @@ def run_trials(
     *,
     executor: SupportsSubmit | None = None,
     trial: TrialFunction = one_trial,
+    result_type: type[TrialResult] = TrialResult,
     observer: TrialObserver | None = None,
     wall_limit_s: float | None = None,
 ) -> FinishedTrials:
@@ -170,6 +171,7 @@ def run_trials(
         executor: Runs the trials instead of a pool of ``jobs`` spawned processes. It is left open. One of
             threads gives the same results, later: threads take turns.
         trial: Runs one trial; importable by name, because it is sent to other processes.
+        result_type: What it returns, as which stored results are read.
         observer: Called with the result or the failure of each trial as it is done, and with whether it
             comes from the store.
         wall_limit_s: Time that each trial may take on the wall clock; None sets no limit.
@@ -184,7 +186,7 @@ def run_trials(
     slots = _slots(jobs)
     check_wall_limit(wall_limit_s)
     with ExitStack() as stack:
-        trial_store = stack.enter_context(TrialStore(Path(store))) if store is not None else None
+        trial_store = stack.enter_context(TrialStore(Path(store), result_type)) if store is not None else None
         wanted = _WantedTrials(trial_store, observer)
         for scene, seeds in batches:
             wanted.add(scene, seeds, runs_here=executor is None)

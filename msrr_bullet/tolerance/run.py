@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from datetime import datetime
 from pathlib import Path
 
-from msrr_bullet.run_folder import make_folder
+from msrr_bullet.run_folder import make_folder, progress_log
 from msrr_bullet.tolerance.effects import effects_of, select_effects
 from msrr_bullet.tolerance.model import ToleranceStudy
 from msrr_bullet.tolerance.page import write_study
@@ -49,24 +48,19 @@ def run_study(
     known = effects_of(scene)
     chosen = select_effects(known, effects) if effects else known
     make_folder(out)
-    with (out / "progress.txt").open("a", encoding="utf-8", buffering=1) as lines:
-
-        def report(text: str) -> None:
-            lines.write(f"{datetime.now():%Y-%m-%d %H:%M:%S} {text}\n")
-            on_progress(text)
-
-        report("checking the scenes of the first round")
-        study = tolerance_study(
-            scene,
-            chosen,
-            grades,
-            seeds=seeds,
-            grade_seeds=grade_seeds,
-            all_graded={e.name for e in known if e.graded} <= {e.name for e in chosen},
-            store=out / STORE,
-            jobs=jobs,
-            wall_limit_s=wall_limit_s,
-            on_progress=report,
-        )
+    report = progress_log(out, on_progress)
+    report("checking the scenes of the first round")
+    study = tolerance_study(
+        scene,
+        chosen,
+        grades,
+        seeds=seeds,
+        grade_seeds=grade_seeds,
+        all_graded={e.name for e in known if e.graded} <= {e.name for e in chosen},
+        store=out / STORE,
+        jobs=jobs,
+        wall_limit_s=wall_limit_s,
+        on_progress=report,
+    )
     write_study(study, out)
     return study

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from msrr_bullet.built_poses import placed_tags
 from msrr_bullet.render.occlusion import hidden_points
 from msrr_bullet.render.raster.bodies import LoadedBodies
 from msrr_bullet.simulation.world import BulletWorld
@@ -22,7 +23,6 @@ from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.specs.scene import Scene
 
 
@@ -110,14 +110,8 @@ class _DrawnUnits:
             triangles = (
                 self._world.pose3(unit).inverse().act(self._bodies.triangles(self._world.unit(unit).body))
             )
-            built = self._world.built.units[unit]
-            tags = {
-                tag: built.geometry.frame(slot).act(
-                    tag_corners(built.print_scale * self._scene.tag_size(unit, slot))
-                )
-                for slot, tag in self._scene.tag_ids(unit).items()
-            }
-            self._known[unit] = _DrawnUnit(triangles, tags)
+            tags = placed_tags(self._scene, self._world.built, unit).values()
+            self._known[unit] = _DrawnUnit(triangles, {tag.tag_id: tag.corners_B for tag in tags})
         return self._known[unit]
 
 

@@ -37,7 +37,6 @@ from msrr_scenes.geometry.pinhole import R_BODY_OPTICAL
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3, rotation_from_rpy
 from msrr_scenes.messages import LosStatus
-from msrr_scenes.specs.faults import MarkerHidden
 from msrr_scenes.specs.scene import Scene
 
 #: Length to which the frustum of the camera is drawn [m].
@@ -74,9 +73,8 @@ class SceneGraph:
     def build(self) -> Iterator[Command]:
         """Yield the commands that draw everything once."""
         yield from self._arena()
-        hidden = {fault.unit for fault in self._scene.faults if isinstance(fault, MarkerHidden)}
         for name, colour in unit_colours(self._scene).items():
-            yield from self._unit(name, colour, blank=name in hidden)
+            yield from self._unit(name, colour, blank=name in self._scene.covered_units)
         for name in self._docking:
             yield from self._ghost(name)
         yield from self._obstacles()

@@ -1,4 +1,4 @@
-"""Text files that are written as a whole or not at all."""
+"""Files that are written as a whole or not at all."""
 
 from __future__ import annotations
 
@@ -7,18 +7,32 @@ import shutil
 from pathlib import Path
 
 
+def part_of(file: Path, ending: str = ".part") -> Path:
+    """Return the path of a part of a file: in the same folder, to be moved within one disk."""
+    return file.with_name(f".msrr-{os.getpid()}{ending}")
+
+
+def put_in_place(part: Path, file: Path) -> None:
+    """Move a part that is whole to its file, which keeps its permissions.
+
+    Raises:
+        OSError: An older file may not be written, or the part cannot be moved.
+    """
+    if file.exists():
+        file.open("r+").close()  # one that may not be written may not be replaced
+        shutil.copymode(file, part)
+    part.replace(file)
+
+
 def write_whole(file: Path, text: str) -> None:
-    """Write a file in UTF-8; an older one of that name is lost only when the new one is whole.
+    """Write a text file in UTF-8; an older one of that name is lost only when the new one is whole.
 
     Raises:
         OSError: It cannot be written. That of a full disk does not name it.
     """
-    part = file.with_name(f".msrr-{os.getpid()}.part")  # in the same folder, to be moved within one disk
+    part = part_of(file)
     try:
         part.write_text(text, encoding="utf-8")
-        if file.exists():
-            file.open("r+").close()  # one that may not be written may not be replaced
-            shutil.copymode(file, part)
-        part.replace(file)
+        put_in_place(part, file)
     finally:
         part.unlink(missing_ok=True)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Literal
@@ -12,14 +14,37 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from msrr_bullet.figures.style import PAPER, SMALL, controller_style, new_figure, save, styled
-from msrr_bullet.reproduce.report.estimates import Estimate, estimate_quantile
-from msrr_bullet.statistics import Rate
+from msrr_bullet.statistics import Rate, quantile, quantile_interval
 from msrr_bullet.studies.measures import MEASURES, PATH_FOLLOWING, Measure
-from msrr_bullet.studies.model import Ablations, Row
+from msrr_bullet.studies.model import Ablations, Measured, Row
 
 #: The complete C1 has C1's colour; without a part it is paler, and hatches tell the variants apart.
 _FACES = (controller_style("c1")[0], "#ffffff", "#a9cfe6", "#e4f0f8")
 _HATCHES = ("", "//", "..", "xx")
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A value and its 95 % interval.
+
+    A bound is infinite where there are too few trials to bound the value. All three may be infinite where a
+    timed event never happened in too many trials.
+    """
+
+    value: float
+    low: float
+    high: float
+
+
+def estimate_quantile(measured: Measured, q: float) -> Estimate | None:
+    """Return a quantile with its interval; None without values."""
+    if not measured.values:
+        return None
+    low, high = quantile_interval(measured.values, q)
+    return Estimate(
+        quantile(measured.values, q), -math.inf if low is None else low, math.inf if high is None else high
+    )
+
 
 Value = Callable[[Row], Estimate | None]
 

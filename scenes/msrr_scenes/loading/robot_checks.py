@@ -18,9 +18,8 @@ from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import LinkTree
 from msrr_scenes.loading.drive_checks import drive_problems
-from msrr_scenes.loading.joint_checks import joint_problems
 from msrr_scenes.loading.problems import KeyPath, Problem
-from msrr_scenes.loading.shape_checks import shape_problems
+from msrr_scenes.loading.shape_checks import joint_problems, shape_problems
 from msrr_scenes.loading.standing_checks import standing_problems
 from msrr_scenes.loading.tag_checks import covered_tags
 from msrr_scenes.specs.scene import Scene

@@ -1,4 +1,4 @@
-"""Checks of the shapes of a robot and of their friction, before PyBullet reads them.
+"""Checks of the shapes of a robot, of their friction and of its joints, before PyBullet reads them.
 
 PyBullet answers a mesh that it cannot read with lines of its own on the terminal, or ends the process.
 """
@@ -32,6 +32,10 @@ _CONTACT = (
     "contact_cfm",
     "contact_erp",
 )
+
+
+#: Types of joints that PyBullet does not load without a ``<limit>``, and what they are meant to be instead.
+_LIMITED = {"revolute": "continuous", "prismatic": "fixed"}
 
 
 @lru_cache(maxsize=32)
@@ -129,3 +133,17 @@ def _problem(link: str, visual: Element) -> str | None:
     except GeometryError as error:
         return str(error)
     return None
+
+
+def joint_problems(geometry: UnitGeometry) -> Iterator[str]:
+    """Yield what PyBullet cannot simulate of the joints of a unit, in words that name link and joint."""
+    for link, joint in geometry.link_tree.joints.items():
+        kind = joint.attrib["type"]
+        where = f"link {geometry.name_in_urdf(link)!r}: joint {joint.get('name')!r} is {kind}"
+        if kind == "floating":
+            yield f"{where}, and PyBullet would hold it fast; make it a fixed one, or remove the link"
+        elif kind in _LIMITED and joint.find("limit") is None:
+            yield (
+                f'{where} and has no <limit>; give it one with lower="..." and upper="...", or make it '
+                f"{_LIMITED[kind]}"
+            )

@@ -17,7 +17,7 @@ from msrr_scenes.html import html_table
 from msrr_scenes.specs.as_built import GRADES, AsBuiltSpec, Grade, graded_odometry, graded_optics
 from msrr_scenes.specs.bodies import MAX_UNITS, TAGS_PER_UNIT, ArenaSpec, ObstacleSpec, TagsSpec, UnitSpec
 from msrr_scenes.specs.control import ControlSpec, DockingSpec, JudgeSpec, LosSpec, Perception, Plant
-from msrr_scenes.specs.faults import Fault
+from msrr_scenes.specs.faults import Fault, MarkerHidden
 from msrr_scenes.specs.mission import AssembledPair, RadioSpec, Shapes
 from msrr_scenes.specs.plan import DockStep, PlanStep, in_order
 from msrr_scenes.specs.sensors import CameraSpec, CamerasSpec, OdometrySpec, ParametricSpec
@@ -228,6 +228,11 @@ class Scene(Spec):
         numbered = {slot: TAGS_PER_UNIT * spec.number + i for i, slot in enumerate(drawn)}
         known = {**numbered, **mapped}
         return {**{slot: known[slot] for slot in slots}, **spec.tag_ids}
+
+    @property
+    def covered_units(self) -> frozenset[str]:
+        """Units whose tags are covered by the fault ``marker_hidden``."""
+        return frozenset(fault.unit for fault in self.faults if isinstance(fault, MarkerHidden))
 
     def tag_size(self, unit: str, slot: str) -> float:
         """Return the edge [m] of the black square of the tag on link ``slot`` of a unit."""

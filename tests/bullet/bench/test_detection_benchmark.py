@@ -67,7 +67,7 @@ def test_tables_fit_a_terminal_and_json_holds_the_figures(report: DetectionBench
         for row in case.rows:
             assert row.settings in text
     assert f"{report.onboard.row(OURS).rms_px:.3f}" in text
-    assert DetectionBenchmark.model_validate(json.loads(report.to_json())) == report
+    assert DetectionBenchmark.model_validate(json.loads(report.model_dump_json())) == report
 
 
 def test_a_bench_without_a_scene_has_nothing_to_set(capsys: pytest.CaptureFixture[str]) -> None:

@@ -52,4 +52,4 @@ def test_tables_and_json_hold_the_figures(report: RendererBenchmark) -> None:
     text = console.export_text()
     assert "640 x 480 frame, marker at 0.2 m" in text
     assert f"{report.corners[-1].rms_px:.4f}" in text
-    assert RendererBenchmark.model_validate(json.loads(report.to_json())) == report
+    assert RendererBenchmark.model_validate(json.loads(report.model_dump_json())) == report

@@ -38,7 +38,7 @@ def test_a_grade_is_measured_and_compared(found: SpeedComparison, tmp_path: Path
     """Perfect robots cost less than ever before, so that once is enough, and the exit code is 0."""
     earlier = found.variants["perfect"].model_copy(update={"physics_alone_ms_per_s": 1e-6})
     old, new, plot = tmp_path / "old.json", tmp_path / "new.json", tmp_path / "plot.png"
-    old.write_text(found.model_copy(update={"variants": {"perfect": earlier}}).to_json())
+    old.write_text(found.model_copy(update={"variants": {"perfect": earlier}}).model_dump_json())
     files = ["--json", str(new), "--plot", str(plot), "--against", str(old)]
     assert run(["bench", "close_range", "--grade", "perfect", "--set", "time_limit_s=0.5", *files]) == 0
     assert "physics alone" in capsys.readouterr().out

@@ -8,8 +8,13 @@ from collections.abc import Callable
 
 import pytest
 
-from msrr_bullet.bench.naive_loop import naive_loop
-from msrr_bullet.bench.trial_speed import BenchError, measure_trial_speed, peak_mb, trial_speed_table
+from msrr_bullet.bench.trial_speed import (
+    BenchError,
+    measure_trial_speed,
+    naive_loop,
+    peak_mb,
+    trial_speed_table,
+)
 from msrr_bullet.bench.unit_cost import measure_unit_cost, pair_of
 from msrr_bullet.log import CameraWindow, MemoryRecorder
 from msrr_bullet.profiler import StageProfiler
@@ -59,14 +64,14 @@ def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
     assert all(ms >= 0.0 for ms in report.stages_ms_per_s.values())
     assert "collision monitor" not in report.stages_ms_per_s  # without an overhead camera there is none
     assert report.control_step_ms == pytest.approx(report.stages_ms_per_s["control"] / 50.0)
-    assert json.loads(report.to_json())["control_step_ms"] == report.control_step_ms
+    assert json.loads(report.model_dump_json())["control_step_ms"] == report.control_step_ms
     assert report.times_physics_alone == pytest.approx(total / report.physics_alone_ms_per_s)
     assert report.naive_ratio == report.naive_ratio_one_sample  # the scene has one sample a pixel itself
     assert report.naive_ratio is not None
     assert report.naive_ratio > 1.0
     assert 0.9 < report.units_under_way <= 1.0
     assert 30.0 < report.peak_mb < 4_000.0
-    assert json.loads(report.to_json())["naive_ratio"] == report.naive_ratio
+    assert json.loads(report.model_dump_json())["naive_ratio"] == report.naive_ratio
     table = trial_speed_table(report)
     assert "as built perfect" in str(table.title)
     assert table.row_count == len(report.stages_ms_per_s) + 9

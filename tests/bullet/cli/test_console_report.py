@@ -72,7 +72,7 @@ def test_what_rounds_to_nothing_has_no_sign(false_dock: TrialResult) -> None:
     seated = Seating(axial_gap_m=-2e-6, lateral_m=0.0, yaw_rad=0.0, seated=True)
     result = false_dock.model_copy(update={"steps": (step.model_copy(update={"seating": seated}),)})
     assert "gap between the faces 0.00 mm" in text(step_table(result, result.steps[0]))
-    summary = summarise(load_scene("close_range"), "00ff", "code", [result], [])
+    summary = summarise(load_scene("close_range"), "code", [result])
     assert "gap between seated faces 0.00 mm 0.00 mm 0.00 mm" in text(sweep_table(summary))
     assert "-0.00" not in summary._repr_html_()
 
@@ -114,7 +114,7 @@ def test_a_narrow_terminal_cuts_nothing_of_the_steps(
 
 def test_a_sweep_shows_its_rate_and_what_it_measured(false_dock: TrialResult) -> None:
     failures = [TrialFailure(scene="close_range", seed=4, error="the process of this trial died")]
-    summary = summarise(load_scene("close_range"), "00ff", "code", [false_dock], failures)
+    summary = summarise(load_scene("close_range"), "code", [false_dock, *failures])
     shown = text(sweep_table(summary))
     assert "docked: 0.0 %, 95 % interval 0.0 .. 65.8 %" in shown
     assert "a to b.rear docked 0 of 1" in shown
@@ -127,7 +127,7 @@ def test_a_sweep_shows_its_rate_and_what_it_measured(false_dock: TrialResult) ->
 
 def test_a_sweep_shows_the_figures_of_every_step(false_dock: TrialResult) -> None:
     scene = load_scene("three_units")
-    shown = text(sweep_table(summarise(scene, "00ff", "code", [false_dock])))
+    shown = text(sweep_table(summarise(scene, "code", [false_dock])))
     first, second = (f"{step.unit} to {step.to}" for step in scene.plan)
     before, _, after = shown.partition(second)
     assert f"{first} docked 0 of 1" in before
@@ -181,7 +181,7 @@ def test_a_mission_shows_what_came_of_it(incomplete: TrialResult) -> None:
 
 def test_a_sweep_of_missions_counts_what_is_complete(incomplete: TrialResult, line_of_three: Path) -> None:
     complete = incomplete.model_copy(update={"outcome": Outcome.COMPLETE})
-    summary = summarise(load_scene(line_of_three), "00ff", "code", [incomplete, complete])
+    summary = summarise(load_scene(line_of_three), "code", [incomplete, complete])
     shown = text(sweep_table(summary))
     assert "complete: 50.0 %" in shown
     assert "all docking steps docked 2 of 2" in shown  # those that undock are left out
@@ -205,4 +205,4 @@ def test_brackets_are_text(false_dock: TrialResult) -> None:
     assert "dock [fast], seed 3" in text(steps_table(result))
     failures = [TrialFailure(scene="close_range", seed=4, error="[bold]")]
     scene = load_scene("close_range").model_copy(update={"name": "dock [fast]"})
-    assert "dock [fast], 2 trials" in text(sweep_table(summarise(scene, "00ff", "code", [result], failures)))
+    assert "dock [fast], 2 trials" in text(sweep_table(summarise(scene, "code", [result, *failures])))

@@ -12,12 +12,24 @@ from msrr_bullet.reproduce.bullet_experiments import (
     reproduce_bullet,
     within_paper,
 )
-from msrr_bullet.reproduce.measured_trial import MeasuredTrial, TrialCache, measured_trial
+from msrr_bullet.reproduce.measured_trial import MeasuredTrial, measured_trial
 from msrr_bullet.studies.measures import measure
+from msrr_bullet.sweep.provenance import code_fingerprint
+from msrr_bullet.sweep.trial_store import TrialStore
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.loading.load import load_scene
+from msrr_scenes.loading.load import load_scene, scene_hash
 from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Choice
+
+STORE = "trials.sqlite"
+
+
+def keep(path: Path, scene: Scene, *trials: MeasuredTrial) -> None:
+    with TrialStore(path, MeasuredTrial) as store:
+        for trial in trials:
+            store.put(trial, code_fingerprint(scene))
+
 
 C1 = Choice(name="c1")
 
@@ -36,21 +48,14 @@ def test_stopped_runs_resume(blind_loop: dict[str, str], tmp_path: Path) -> None
         "short", "close_range", "for the test", ("close",), {"C1": C1}, overrides=blind_loop
     )
     first = measured_trial(experiment.load("C1"), 0)
-    cache = TrialCache(tmp_path, experiment.load("C1"))
-    cache.put(first)
-    with cache.path.open("a") as file:
-        file.write('{"half a li')  # as a killed run leaves it
+    keep(tmp_path / STORE, experiment.load("C1"), first)
     lines: list[str] = []
-    both = reproduce_bullet([experiment], range(2), tmp_path, on_progress=lines.append)
-    assert lines[0] == "short, C1: 1 of 2 (1 of all 2)"
+    both = reproduce_bullet([experiment], range(2), tmp_path / STORE, on_progress=lines.append)
+    assert lines[:2] == ["short, C1: 0 of 2 (0 of all 2)", "short, C1: 1 of 2 (1 of all 2)"]
     assert lines[-1] == "short, C1: 2 of 2 (2 of all 2, about 0 s left)"
     row = both.tables[0].rows[0]
     assert (row.trials, row.outcomes, row.within_paper) == (2, {"docked": 2}, 2)
     assert row.measures["final"].values[0] == pytest.approx(first.measures["final"], abs=1e-6)
-    with cache.path.open("a") as file:
-        file.write("not a trial\n")
-    with pytest.raises(MsrrError, match="not a measured trial"):
-        list(TrialCache(tmp_path, experiment.load("C1")))
 
 
 def test_a_run_stops_when_the_code_changes_under_it(
@@ -58,10 +63,12 @@ def test_a_run_stops_when_the_code_changes_under_it(
 ) -> None:
     experiment = Experiment("short", "close_range", "", ("close",), {"C1": C1}, overrides=blind_loop)
     # The fingerprint of this process differs from that of its workers.
-    monkeypatch.setattr("msrr_bullet.reproduce.measured_trial.code_fingerprint", lambda scene: "0" * 24)
+    monkeypatch.setattr("msrr_bullet.reproduce.bullet_experiments.code_fingerprint", lambda scene: "0" * 24)
     with pytest.raises(MsrrError, match="the code was changed"):
-        reproduce_bullet([experiment], range(1), tmp_path)
-    assert not list(tmp_path.glob("*.jsonl"))
+        reproduce_bullet([experiment], range(1), tmp_path / STORE)
+    scene = experiment.load("C1")
+    with TrialStore(tmp_path / STORE, MeasuredTrial) as store:
+        assert not store.get(scene_hash(scene), code_fingerprint(scene), range(1))
 
 
 def test_a_trial_that_never_settled_is_kept_and_counted(blind_loop: dict[str, str], tmp_path: Path) -> None:
@@ -76,11 +83,8 @@ def test_a_trial_that_never_settled_is_kept_and_counted(blind_loop: dict[str, st
     scene = experiment.load("C1")
     trials = [measured_trial(scene, seed) for seed in (0, 1)]
     lost = trials[1].model_copy(update={"measures": {**trials[1].measures, "settling": math.inf}})
-    cache = TrialCache(tmp_path, scene)
-    cache.put(trials[0])
-    cache.put(lost)
-    assert list(cache) == [trials[0], lost]
-    row = reproduce_bullet([experiment], range(2), tmp_path).tables[0].rows[0]
+    keep(tmp_path / STORE, scene, trials[0], lost)
+    row = reproduce_bullet([experiment], range(2), tmp_path / STORE).tables[0].rows[0]
     settling = row.measures["settling"]
     assert (settling.count, settling.never, settling.quantiles.p95) == (2, 1, math.inf)
     assert (row.met["settling"].n, row.met["settling"].of) == (1, 2)
@@ -95,10 +99,9 @@ def test_a_law_that_follows_no_trajectory_has_no_settling_time(
     experiment = Experiment("short", "close_range", "", ("close",), graceful, overrides=blind_loop)
     scene = experiment.load("GRACEFUL")
     trial = measured_trial(scene, 0)
-    cache = TrialCache(tmp_path, scene)
-    cache.put(trial)
-    cache.put(trial.model_copy(update={"seed": 1, "measures": {"settling": math.inf}}))
-    row = reproduce_bullet([experiment], range(2), tmp_path).tables[0].rows[0]
+    lost = trial.model_copy(update={"seed": 1, "measures": {"settling": math.inf}})
+    keep(tmp_path / STORE, scene, trial, lost)
+    row = reproduce_bullet([experiment], range(2), tmp_path / STORE).tables[0].rows[0]
     assert row.measures["settling"].count == 0
     assert (row.met, row.within_paper) == ({}, None)
 

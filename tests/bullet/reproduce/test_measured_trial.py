@@ -1,13 +1,13 @@
-"""Measured trials of the loop, and the files in which they are stored."""
+"""Measured trials of the loop."""
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from msrr_bullet.reproduce.measured_trial import TrialCache, measured_trial, record_trial
-from msrr_scenes.errors import MsrrError
+from msrr_bullet.reproduce.measured_trial import measured_trial, record_trial
+from msrr_bullet.sweep.provenance import code_fingerprint
+from msrr_scenes.errors import ChangedFileError
 from msrr_scenes.loading.load import load_scene
 
 
@@ -38,25 +38,11 @@ def test_the_long_phase_of_the_loop_separates_lag_from_swing(blind_loop: dict[st
     assert 0.0 < found["recovery_path"] <= found["recovery"]
 
 
-def test_a_trial_of_other_code_or_another_scene_is_not_used(
-    blind_loop: dict[str, str], tmp_path: Path
-) -> None:
+def test_a_trial_of_other_code_is_refused(blind_loop: dict[str, str]) -> None:
     scene = load_scene("close_range", blind_loop)
-    trial = measured_trial(scene, 0)
-    cache = TrialCache(tmp_path, scene)
-    edited = trial.model_copy(update={"code": "0" * 24})
-    with pytest.raises(MsrrError, match="the code was changed while the trials ran"):
-        cache.put(edited)
-    assert list(cache) == []
-    other = load_scene("close_range", {**blind_loop, "cameras.onboard.latency_ms": "41"})
-    assert TrialCache(tmp_path, other).path != cache.path
-    with pytest.raises(MsrrError, match="another scene"):
-        TrialCache(tmp_path, other).put(trial)
-    cache.path.write_text(
-        edited.model_dump_json() + "\n"
-    )  # as if two fingerprints began with the same digits
-    with pytest.raises(MsrrError, match="another scene or code"):
-        list(cache)
+    assert measured_trial(scene, 0, code_fingerprint(scene)).docked
+    with pytest.raises(ChangedFileError, match="the code was changed while the trials ran"):
+        measured_trial(scene, 0, "0" * 24)
 
 
 def test_a_trial_without_an_approach_never_settled(blind_loop: dict[str, str]) -> None:

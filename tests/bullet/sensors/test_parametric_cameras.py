@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_bullet.sensors.frame_dropout import FrameDropout
-from msrr_bullet.sensors.frame_timing import FrameTiming
+from msrr_bullet.sensors.frame_sequence import FrameSequence
 from msrr_bullet.sensors.parametric_cameras import (
     MIN_SIGMA,
     ParametricOnboardCamera,
@@ -48,17 +47,17 @@ def scene(faults: tuple[Mapping[str, Any], ...] = (), **errors: float) -> Scene:
     )
 
 
-def timing_of(spec: CameraSpec) -> FrameTiming:
-    return FrameTiming(spec, BuiltCamera(spec.pinhole), stream(1, "jitter"))
+def frames_of(name: str, spec: CameraSpec, dropout: float) -> FrameSequence:
+    lossy = spec.model_copy(update={"dropout": dropout})
+    return FrameSequence(name, lossy, BuiltCamera(spec.pinhole), seed=1)
 
 
 def onboard(of: Scene, X: SE2 = X_DU, dropout: float = 0.0, count: int = N) -> list[PoseMeasurement | None]:
     """Frames of a unit that stands at X in the dock frame; None where there is no measurement."""
-    lost = FrameDropout("a/onboard", dropout, stream(1, "dropout"))
-    timing = timing_of(of.cameras.onboard)
-    camera = ParametricOnboardCamera(of, of.plan[0], lambda: X, stream(1, "parametric"), lost, timing)
-    frames = [camera.capture(k, None) for k in range(count)]  # the robot is not asked
-    return [m[0] if m else None for m in frames]
+    frames = frames_of("a/onboard", of.cameras.onboard, dropout)
+    camera = ParametricOnboardCamera(of, of.plan[0], lambda: X, stream(1, "parametric"), frames)
+    captured = [camera.capture(k, None) for k in range(count)]  # the robot is not asked
+    return [m[0] if m else None for m in captured]
 
 
 def assert_sigma(errors: np.ndarray, sigma: float) -> None:
@@ -136,10 +135,10 @@ POSES = {"a": SE2(-1.0, 0.2, 0.5), "b": SE2(1.0, -0.3, 2.0), "late": SE2(0.1, 0.
 def overhead(of: Scene, poses: Mapping[str, SE2], dropout: float = 0.0) -> list[dict[str, GlobalPose]]:
     spec = of.cameras.overhead
     assert spec is not None
-    lost = FrameDropout("overhead", dropout, stream(1, "dropout"))
-    camera = ParametricOverheadCamera(of, spec, lambda: poses, stream(1, "parametric"), lost, timing_of(spec))
-    frames = [camera.capture(k, None) for k in range(N)]
-    return [{m.name: m for m in messages if isinstance(m, GlobalPose)} for messages in frames]
+    frames = frames_of("overhead", spec, dropout)
+    camera = ParametricOverheadCamera(of, spec, lambda: poses, stream(1, "parametric"), frames)
+    captured = [camera.capture(k, None) for k in range(N)]
+    return [{m.name: m for m in messages if isinstance(m, GlobalPose)} for messages in captured]
 
 
 def test_errors_of_the_overhead_camera_have_the_stated_sizes() -> None:

@@ -12,7 +12,7 @@ from msrr_scenes.specs.scene import Scene
 
 
 def test_the_numbers(scene: Scene, made_up: TrialFunction) -> None:
-    summary = summarise(scene, "hash", "code", [made_up(scene, seed) for seed in range(20)])
+    summary = summarise(scene, "code", [made_up(scene, seed) for seed in range(20)])
     assert summary.trials == 20
     assert summary.outcomes == {"docked": 18, "false_dock": 2}
     assert summary.success.rate == 0.9
@@ -37,7 +37,7 @@ def test_the_numbers(scene: Scene, made_up: TrialFunction) -> None:
 def test_a_failure_of_the_program_counts_as_a_trial(scene: Scene, made_up: TrialFunction) -> None:
     failures = [TrialFailure(scene=scene.name, seed=seed, error="a") for seed in (7, 5)]
     results = [made_up(scene, seed) for seed in range(2)]
-    summary = summarise(scene, "hash", "code", results, failures, reused=1, interrupted=True)
+    summary = summarise(scene, "code", [*results, *failures], reused=1, interrupted=True)
     assert (summary.trials, summary.success.rate, summary.outcomes) == (4, 0.5, {"docked": 2})
     assert [f.seed for f in summary.failures] == [5, 7]
     assert (summary.reused, summary.interrupted) == (1, True)
@@ -53,7 +53,7 @@ def test_a_step_counts_the_trials_that_began_it(scene: Scene, made_up: TrialFunc
         (first,) = once.steps
         later = first.model_copy(update={"index": 1, "min_clearance_m": 0.05})
         results.append(once.model_copy(update={"steps": (first, later) if first.docked else (first,)}))
-    summary = summarise(twice, "hash", "code", results)
+    summary = summarise(twice, "code", results)
     assert [(s.unit, s.target, s.trials) for s in summary.steps] == [("a", "b.rear", 20), ("c", "b.left", 18)]
     assert [s.outcomes for s in summary.steps] == [{"docked": 18, "false_dock": 2}, {"docked": 18}]
     assert [s.min_clearance_m for s in summary.steps] == pytest.approx([0.11, 0.05])
@@ -61,7 +61,7 @@ def test_a_step_counts_the_trials_that_began_it(scene: Scene, made_up: TrialFunc
 
 
 def test_a_step_that_no_trial_began_has_no_figures(scene: Scene) -> None:
-    (step,) = summarise(scene, "hash", "code", []).steps
+    (step,) = summarise(scene, "code", []).steps
     assert (step.trials, step.outcomes, step.attempts.p50, step.min_clearance_m) == (0, {}, None, None)
 
 
@@ -69,7 +69,7 @@ def test_a_false_dock_counts_whatever_the_trial_ended_with(scene: Scene, made_up
     (wrong,) = made_up(scene, 9).steps
     docked = made_up(scene, 0)
     mixed = docked.model_copy(update={"steps": (*docked.steps, wrong)})
-    assert summarise(scene, "hash", "code", [docked, mixed]).false_docks == 1
+    assert summarise(scene, "code", [docked, mixed]).false_docks == 1
 
 
 def test_docks_at_a_port_once_more(made_up: TrialFunction) -> None:
@@ -82,7 +82,7 @@ def test_docks_at_a_port_once_more(made_up: TrialFunction) -> None:
         left = first.model_copy(update={"undocks": True, "outcome": Outcome.UNDOCKED})
         elsewhere = first.model_copy(update={"target": "b.left"})
         trials.append(trial.model_copy(update={"steps": (first, left, elsewhere, first)}))
-    mission = summarise(scene, "hash", "code", trials).mission
+    mission = summarise(scene, "code", trials).mission
     assert mission is not None
     assert (mission.docks.trials, mission.docks_again.trials) == (6, 1)
     assert mission.docks_again.contact_lateral_mm.max == pytest.approx(4.0)

@@ -114,7 +114,7 @@ def test_the_log_holds_specification_and_truth_and_result_and_summary_the_grade(
     assert record.errors == draw_as_built(log.header.scene, log.header.seed).errors
     assert record.errors["unit/a/onboard/yaw_deg"] == 2.0
     assert result.as_built == "careful but for onboard.yaw_deg = 2"
-    assert summarise(scene, "", "", [result]).as_built == result.as_built
+    assert summarise(scene, "", [result]).as_built == result.as_built
     assert type(result).from_json(result.to_json()) == result
 
 

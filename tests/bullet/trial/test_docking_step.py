@@ -78,7 +78,7 @@ def test_every_step_has_a_result_of_its_own(shipped: Load, tmp_path: Path) -> No
     assert result.duration_s == second.ended_s
     assert result.min_clearance_m == min(first.min_clearance_m, second.min_clearance_m)
 
-    summary = summarise(scene, "hash", "code", [result])
+    summary = summarise(scene, "code", [result])
     assert [(s.unit, s.target, s.trials) for s in summary.steps] == [("a", "b.rear", 1), ("c", "b.left", 1)]
     assert [s.docked_by_attempt for s in summary.steps] == [{2: 1}, {1: 1}]
     assert summary.steps[0].contact_lateral_mm.max == 1000.0 * free.lateral_m

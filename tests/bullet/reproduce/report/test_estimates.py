@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from msrr_bullet.reproduce.report.ablation_plot import draw_ablations
-from msrr_bullet.reproduce.report.estimates import Estimate, estimate_quantile
+from msrr_bullet.reproduce.report.ablation_plot import Estimate, draw_ablations, estimate_quantile
 from msrr_bullet.studies.model import Ablations, Measured, Row, Table, rates_of
 
 

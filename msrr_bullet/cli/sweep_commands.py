@@ -1,4 +1,4 @@
-"""The command that runs many trials: ``msrr sweep``."""
+"""The commands of many trials: ``msrr sweep | compare | merge``."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from msrr_bullet.cli.options import (
     parse_overrides,
     parse_seeds,
     use_one_thread_per_process,
+    write_output,
     write_outputs,
 )
 from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
@@ -147,7 +148,7 @@ def sweep(
     from msrr_bullet.sensors.preparation import prepare_cameras
     from msrr_bullet.sweep.dask_cluster import dask_cluster
     from msrr_bullet.sweep.provenance import code_fingerprint
-    from msrr_bullet.sweep.sweep import summary_of
+    from msrr_bullet.sweep.summarise import summarise
     from msrr_bullet.sweep.sweep import sweep as run_sweep
     from msrr_bullet.sweep.trial_store import StoreError
     from msrr_bullet.sweep.trial_table import trials_csv
@@ -172,9 +173,7 @@ def sweep(
                     if not ended.of(wanted):
                         raise
                     stopped = error
-                    summary = summary_of(
-                        loaded, code, ended.of(wanted), reused=ended.reused, interrupted=True
-                    )
+                    summary = summarise(loaded, code, ended.of(wanted), reused=ended.reused, interrupted=True)
             rows = ended.of(wanted)
             # Before anything is shown, for the reader of the standard output may have gone away.
             write_outputs([(json_file, summary.to_json), (csv_file, lambda: trials_csv(rows))])
@@ -197,3 +196,42 @@ def _exit(summary: SweepSummary) -> None:
     if failed := summary.outcomes.get(Outcome.PROGRAM_FAILED.value):
         text = f"the program of the unit failed in {failed} of {counted(summary.trials, 'trial')}"
         raise typer.Exit(report_error(f"{text}; msrr dock --seed shows one of them", BAD_INPUT))
+
+
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="FIRST.csv", help="Table by msrr sweep --csv.")],
+    second: Annotated[Path, typer.Argument(metavar="SECOND.csv", help="Table of another sweep.")],
+    json_file: JsonFile = None,
+) -> None:
+    """Compare two sweeps over the same seeds, trial by trial.
+
+    What the trials share, such as the start and the robots, cancels out.
+    """
+    from msrr_bullet.cli.console_report import comparison_table
+    from msrr_bullet.sweep.comparison import compare_sweeps
+
+    check_writable(json_file, taken=[first, second])
+    comparison = compare_sweeps(first, second)
+    names = (first.stem, second.stem) if first.stem != second.stem else (str(first), str(second))
+    table = comparison_table(comparison, *names)
+    write_output(json_file, comparison.model_dump_json(indent=2) + "\n")
+    open_console(stderr=json_file == STANDARD_OUTPUT).print(table)
+
+
+def merge(
+    stores: Annotated[list[Path], typer.Argument(metavar="STORE...", help="Stores of sweeps.")],
+    into: Annotated[Path, typer.Option(metavar="FILE", help="Store that gets all their results.")] = Path(
+        "runs/sweeps.sqlite"
+    ),
+) -> None:
+    """Put the results of several stores of sweeps into one.
+
+    A sweep with that store then takes them from there.
+    """
+    from msrr_bullet.sweep.trial_store import TrialStore, check_store
+
+    for path in stores:
+        check_store(path)  # before a new store is made of nothing
+    with TrialStore(into) as store:
+        for path, (added, held) in zip(stores, store.merge(*stores), strict=True):
+            typer.echo(f"{path}: {added} results added, {held} were there already")
