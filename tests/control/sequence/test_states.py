@@ -754,6 +754,7 @@ def test_undocked_unseen_by_odometry_with_the_lock_open(facts: DockSetup) -> Non
         action = desk.ask(
             desk.at(gap), exposed_ns=began, closed=gap < 1e-3, lock=(LockPosition.OPEN, desk.now_ns)
         )
+        assert not action.lock  # nor once it has undocked: the next port would find the lock closed
         gap -= 0.02 * action.twist.v
     assert desk.machine.belief.conviction is Conviction.UNDOCKED
 
