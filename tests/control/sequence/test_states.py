@@ -778,6 +778,18 @@ def test_a_retreat_that_cannot_part_from_the_port_ends_the_step(facts: DockSetup
     assert "cam not closed" in belief.reason, "why it backed out in the first place"
 
 
+def test_a_unit_that_is_seen_clear_of_the_port_has_left_it_whatever_the_lock_says(facts: DockSetup) -> None:
+    """The lock jams while it closes, and pins that it does not hold come out."""
+    desk = Desk(facts)
+    desk.to_lock()
+    gap = 0.0
+    while desk.machine.attempt == 1 and not desk.machine.finished:
+        assert desk.now_ns < 40e9
+        action = desk.ask(desk.at(gap), closed=gap < 1e-3, lock=(LockPosition.CLOSING, desk.now_ns))
+        gap -= 0.02 * min(action.twist.v, 0.0)
+    assert desk.machine.attempt == 2
+
+
 @pytest.mark.parametrize(("lateral", "parted"), [(0.010, False), (0.021, True), (0.5, True)])
 def test_only_a_unit_before_the_mouths_can_be_stuck_in_them(
     facts: DockSetup, lateral: float, parted: bool
@@ -790,6 +802,19 @@ def test_only_a_unit_before_the_mouths_can_be_stuck_in_them(
         desk.ask(desk.at(-0.056, lateral), lock=(LockPosition.OPEN, desk.now_ns))
     assert (desk.machine.attempt == 2) is parted
     assert (desk.machine.belief.setback is FailureReason.NOT_RELEASED) is not parted
+
+
+@pytest.mark.parametrize(("state", "parted"), [(MonitorState.STOP, True), (MonitorState.FREE, False)])
+def test_a_unit_that_the_monitor_holds_in_the_port_is_not_stuck_there(
+    facts: DockSetup, state: MonitorState, parted: bool
+) -> None:
+    desk = Desk(facts)
+    desk.to_dock()
+    while desk.machine.attempt == 1 and not desk.machine.finished:
+        assert desk.now_ns < 60e9
+        monitor = CollisionMonitorState(desk.now_ns, state, None, None, 0.0)
+        desk.ask(desk.at(0.005), lock=(LockPosition.OPEN, desk.now_ns), monitor=monitor)
+    assert (desk.machine.attempt == 2) is parted
 
 
 # The retreat: how long the unit waits for an overhead picture before it backs out.
