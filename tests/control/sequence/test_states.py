@@ -731,6 +731,18 @@ def test_a_unit_that_begins_docked_has_to_back_out_before_it_is_undocked(facts: 
     assert way == pytest.approx(desk.spec.retreat_m, abs=0.02)
 
 
+def test_a_unit_whose_lock_never_says_a_word_is_not_undocked(facts: DockSetup) -> None:
+    desk = Desk(facts)
+    law = build_controller(Choice(name="c1"), facts)
+    desk.machine = PhaseMachine(desk.spec, facts, law, docked=True)
+    desk.machine.undock()
+    while desk.now_ns == 0 or not desk.machine.finished:
+        assert desk.now_ns < 15e9
+        desk.ask(desk.at(desk.spec.retreat_m), closed=False)
+    assert desk.machine.belief.setback is FailureReason.NOT_RELEASED
+    assert "the lock reports nothing" in desk.machine.belief.reason
+
+
 @pytest.mark.parametrize(("switches", "share"), [(True, 1.0), (False, 0.5), (False, 0.0)])
 def test_undocking_needs_open_switches_and_the_whole_way(
     facts: DockSetup, switches: bool, share: float
@@ -776,6 +788,19 @@ def test_a_retreat_that_cannot_part_from_the_port_ends_the_step(facts: DockSetup
     assert belief.setback is FailureReason.NOT_RELEASED
     assert "stuck" in belief.reason
     assert "cam not closed" in belief.reason, "why it backed out in the first place"
+
+
+def test_a_unit_that_nobody_sees_and_that_has_not_driven_off_is_stuck_in_the_port(facts: DockSetup) -> None:
+    desk = Desk(facts)
+    desk.to_dock()
+    while desk.machine.phase is Phase.DOCK:
+        desk.ask(desk.at(0.005), lock=(LockPosition.OPEN, desk.now_ns))
+    seen_ns = desk.now_ns
+    while desk.machine.attempt == 1 and not desk.machine.finished:
+        assert desk.now_ns < 60e9
+        desk.ask(desk.at(0.005), exposed_ns=seen_ns, lock=(LockPosition.OPEN, desk.now_ns))
+    assert desk.machine.belief.setback is FailureReason.NOT_RELEASED
+    assert "5 mm away by odometry" in desk.machine.belief.reason
 
 
 def test_a_unit_that_is_seen_clear_of_the_port_has_left_it_whatever_the_lock_says(facts: DockSetup) -> None:
