@@ -1,0 +1,88 @@
+"""Single judgements of the watch, each with a record made for that judgement alone."""
+
+from __future__ import annotations
+
+import pytest
+
+from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.mission import Patience
+from msrr_control.coordination.track import standing
+from msrr_control.coordination.watch import Watch
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages.coordination import UnitMode, UnitReport, UnitState
+
+PATIENCE = Patience()
+S = 1_000_000_000
+LOST_S, EXPIRED_S = 10.0, 10.0 + PATIENCE.expires_s
+
+
+def _told(mode: UnitMode, at_s: float, docked_to: str | None = None) -> UnitReport:
+    return UnitReport("a", round(at_s * S), 1, 1, 0.0, mode, docked_to)
+
+
+@pytest.mark.parametrize(
+    ("mode", "told_s", "seen_s", "found"),
+    [
+        (UnitMode.STANDING, EXPIRED_S + 0.1, LOST_S + 0.1, True),
+        (UnitMode.STANDING, EXPIRED_S - 0.1, LOST_S + 0.1, False),  # it may drive on by its last authority
+        (UnitMode.LOST, LOST_S + 0.2, LOST_S + 0.1, True),  # one that says so stays there
+        (UnitMode.LOST, LOST_S + 0.2, LOST_S - 0.1, False),
+        (UnitMode.STANDING, EXPIRED_S + 0.1, LOST_S - 0.1, False),
+        (UnitMode.DRIVING, EXPIRED_S + 9.0, EXPIRED_S + 9.0, False),
+        (UnitMode.DOCKING, EXPIRED_S + 9.0, EXPIRED_S + 9.0, False),
+        (UnitMode.STANDING, LOST_S - 0.1, EXPIRED_S + 9.0, False),
+    ],
+)
+def test_a_lost_unit_is_found_where_it_stands_heard_and_seen(
+    mode: UnitMode, told_s: float, seen_s: float, found: bool
+) -> None:
+    unit = UnitRecord("a", SE2(), state=UnitState.LOST, route=1, still_ns=round(LOST_S * S))
+    assert not Watch(PATIENCE).is_found(unit)
+    unit.report, unit.seen_ns = _told(mode, told_s), round(seen_s * S)
+    assert Watch(PATIENCE).is_found(unit) is found
+
+
+def test_a_lost_unit_in_a_port_is_found_unseen() -> None:
+    """In the one that it was to enter at once; in another one when its last authority has ended."""
+    for enters, told_s, found in (
+        (("b", "rear"), LOST_S + 0.1, True),
+        (None, LOST_S + 0.1, False),
+        (None, EXPIRED_S + 0.1, True),
+    ):
+        unit = UnitRecord("a", SE2(), state=UnitState.LOST, route=1, still_ns=round(LOST_S * S))
+        unit.holder, unit.enters = ("b", "rear"), enters
+        unit.report = _told(UnitMode.DOCKED, told_s, "b.rear")
+        assert Watch(PATIENCE).is_found(unit) is found
+
+
+@pytest.mark.parametrize("turned", [-1.0, 1.0])
+def test_a_move_is_done_by_place_and_by_heading(turned: float) -> None:
+    end, far, askew = SE2(0.3, -0.2, 2.0), PATIENCE.arrived_m, turned * PATIENCE.arrived_rad
+    unit = UnitRecord("a", state=UnitState.UNDER_WAY, track=standing(end), seen_ns=2, moved_ns=1)
+    for share, there in ((0.9, True), (1.1, False)):
+        for off in (SE2(0.0, share * far, 0.0), SE2(-share * far, 0.0, 0.0), SE2(0.0, 0.0, share * askew)):
+            unit.X_WU = end @ off
+            assert Watch(PATIENCE).is_at_end(unit) is there
+    unit.seen_ns = 0  # nobody saw where it has come to: its own word has to do
+    assert Watch(PATIENCE).is_at_end(unit)
+
+
+@pytest.mark.parametrize("event", [None, "silence", "ground to drive on", "motion"])
+def test_nobody_moves_where_all_have_waited_for_each_other_for_long(event: str | None) -> None:
+    """What happens to one of them after 3 s lets the time begin anew."""
+    late_s = PATIENCE.stalled_s + (0.0 if event is None else 3.0)
+    for now_s, stalled in ((late_s - 0.1, False), (late_s + 0.1, True)):
+        watch = Watch(PATIENCE)
+        units = [UnitRecord(name, SE2(), state=UnitState.UNDER_WAY, track=standing(SE2())) for name in "ab"]
+        for at_s in (3.0, now_s):
+            happens = event if at_s == 3.0 else None
+            for unit in units:
+                unit.heard_ns, unit.limit = round(at_s * S), -1.0
+            if happens == "silence":
+                units[1].heard_ns -= round((PATIENCE.silent_s + 0.1) * S)
+            elif happens == "motion":
+                units[1].moved_ns = round(at_s * S)
+            units[1].limit = 1.0 if happens == "ground to drive on" else -1.0
+            result = watch.nobody_moves(units, round(at_s * S))
+        assert result is stalled
+    assert not watch.nobody_moves([], round(99.0 * S))
