@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
-from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.ledger import SAME_M, UnitRecord
 from msrr_control.coordination.mission import Patience
-from msrr_control.coordination.track import standing
+from msrr_control.coordination.track import Track, TrackBuilder, standing
 from msrr_control.coordination.watch import Watch
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages.coordination import UnitMode, UnitReport, UnitState
 
 PATIENCE = Patience()
 S = 1_000_000_000
+STEP_S = 0.5
 LOST_S, EXPIRED_S = 10.0, 10.0 + PATIENCE.expires_s
 
 
@@ -86,3 +89,90 @@ def test_nobody_moves_where_all_have_waited_for_each_other_for_long(event: str |
             result = watch.nobody_moves(units, round(at_s * S))
         assert result is stalled
     assert not watch.nobody_moves([], round(99.0 * S))
+
+
+def _into_a_port() -> Track:
+    """A way of 1 m ahead and 0.7 m into a port."""
+    builder = TrackBuilder(SE2(), 0.1)
+    builder.ahead(1.0)
+    builder.dock(builder.pose @ SE2(0.7, 0.0, 0.0), 0.7)
+    return builder.track()
+
+
+TRACK = _into_a_port()
+END = TRACK.length
+
+
+def _under_way(progress: float, limit: float, mode: UnitMode = UnitMode.STANDING) -> UnitRecord:
+    unit = UnitRecord("a", SE2(), state=UnitState.UNDER_WAY, route=1, track=TRACK)
+    unit.limit, unit.progress, unit.report = limit, progress, UnitReport("a", 1, 1, 1, progress, mode, None)
+    return unit
+
+
+@pytest.mark.parametrize(
+    ("progress", "limit", "moves", "heard", "fails_s"),
+    [
+        (0.2, 0.9, False, True, PATIENCE.lost_s),
+        (0.2, 0.2 + 1.2 * SAME_M, False, True, PATIENCE.lost_s),
+        (0.2, 0.2 + 0.8 * SAME_M, False, True, math.inf),  # it waits for others
+        (0.2, 0.9, False, False, math.inf),  # nobody can know
+        (0.2, END, False, True, PATIENCE.lost_s),
+        (1.2, END, False, True, PATIENCE.dock_s),
+        (END, END, False, True, PATIENCE.dock_s),
+        (END, END, True, True, math.inf),  # it tries again
+    ],
+)
+def test_a_unit_fails_that_could_go_on_and_does_not(
+    progress: float, limit: float, moves: bool, heard: bool, fails_s: float
+) -> None:
+    unit, watch = _under_way(progress, limit), Watch(PATIENCE)
+    stopping = ((0.0, 0.0, 0.0),) if moves else ()
+    unit.report = UnitReport("a", 1, 1, 1, progress, UnitMode.STANDING, None, stopping=stopping)
+    failed_s = math.inf
+    for k in range(1, 400):
+        now_ns = round(k * STEP_S * S)
+        unit.heard_ns = now_ns if heard else 0
+        if watch.stagnation(unit, now_ns) is not None:
+            failed_s = k * STEP_S
+            break
+        watch.advance(now_ns)
+    assert failed_s == fails_s + (0.0 if math.isinf(fails_s) else STEP_S)
+
+
+def test_who_waits_has_come_to_rest_at_its_limit_or_may_not_begin() -> None:
+    assert Watch(PATIENCE).waits(_under_way(0.5, 0.5))
+    assert Watch(PATIENCE).waits(_under_way(0.0, -1.0, UnitMode.DOCKED))
+    assert not Watch(PATIENCE).waits(_under_way(0.5, 0.9))
+    assert not Watch(PATIENCE).waits(_under_way(0.5, 0.5, UnitMode.DRIVING))
+    assert not Watch(PATIENCE).waits(_under_way(0.0, 0.5, UnitMode.DOCKED))
+    assert not Watch(PATIENCE).waits(_under_way(END, END)), "nobody is waited for in a dock leg"
+
+
+@pytest.mark.parametrize(
+    ("state", "seen", "may"),
+    [
+        (UnitState.LOST, True, True),
+        (UnitState.IDLE, False, True),
+        (UnitState.IDLE, True, False),
+        (UnitState.FAILED, False, False),
+    ],
+)
+def test_who_is_out_of_sight_may_be_found_for_a_while(state: UnitState, seen: bool, may: bool) -> None:
+    unit = UnitRecord("a", SE2() if seen else None, state=state, still_ns=S)
+    for after_s, within in ((PATIENCE.lost_s - 0.1, True), (PATIENCE.lost_s + 0.1, False)):
+        assert Watch(PATIENCE).may_be_found(unit, round((1.0 + after_s) * S)) is (may and within)
+
+
+def test_a_unit_has_arrived_that_rests_at_the_end_once_somebody_has_looked_or_has_had_the_time_to() -> None:
+    unit, moved_s = _under_way(END - 0.8 * SAME_M, END), 10.0
+    unit.moved_ns = round(moved_s * S)
+    for seen_s, now_s, arrived in (
+        (moved_s - 1.0, moved_s + PATIENCE.unseen_s - 0.1, False),
+        (moved_s - 1.0, moved_s + PATIENCE.unseen_s + 0.1, True),
+        (moved_s + 0.1, moved_s + 0.2, True),
+    ):
+        unit.seen_ns = round(seen_s * S)
+        assert Watch(PATIENCE).has_arrived(unit, round(now_s * S)) is arrived
+    assert not Watch(PATIENCE).has_arrived(_under_way(END - 1.2 * SAME_M, END), S)
+    unit.route = 2
+    assert not Watch(PATIENCE).has_arrived(unit, round(20.0 * S)), "that report is of another route"
