@@ -70,27 +70,6 @@ def test_a_move_is_done_by_place_and_by_heading(turned: float) -> None:
     assert Watch(PATIENCE).is_at_end(unit)
 
 
-@pytest.mark.parametrize("event", [None, "silence", "ground to drive on", "motion"])
-def test_nobody_moves_where_all_have_waited_for_each_other_for_long(event: str | None) -> None:
-    """What happens to one of them after 3 s lets the time begin anew."""
-    late_s = PATIENCE.stalled_s + (0.0 if event is None else 3.0)
-    for now_s, stalled in ((late_s - 0.1, False), (late_s + 0.1, True)):
-        watch = Watch(PATIENCE)
-        units = [UnitRecord(name, SE2(), state=UnitState.UNDER_WAY, track=standing(SE2())) for name in "ab"]
-        for at_s in (3.0, now_s):
-            happens = event if at_s == 3.0 else None
-            for unit in units:
-                unit.heard_ns, unit.limit = round(at_s * S), -1.0
-            if happens == "silence":
-                units[1].heard_ns -= round((PATIENCE.silent_s + 0.1) * S)
-            elif happens == "motion":
-                units[1].moved_ns = round(at_s * S)
-            units[1].limit = 1.0 if happens == "ground to drive on" else -1.0
-            result = watch.nobody_moves(units, round(at_s * S))
-        assert result is stalled
-    assert not watch.nobody_moves([], round(99.0 * S))
-
-
 def _into_a_port() -> Track:
     """A way of 1 m ahead and 0.7 m into a port."""
     builder = TrackBuilder(SE2(), 0.1)
@@ -176,3 +155,63 @@ def test_a_unit_has_arrived_that_rests_at_the_end_once_somebody_has_looked_or_ha
     assert not Watch(PATIENCE).has_arrived(_under_way(END - 1.2 * SAME_M, END), S)
     unit.route = 2
     assert not Watch(PATIENCE).has_arrived(unit, round(20.0 * S)), "that report is of another route"
+
+
+def test_the_time_for_which_a_unit_had_to_wait_does_not_count_and_no_more_than_that() -> None:
+    unit, watch = _under_way(0.2, 0.2), Watch(PATIENCE)
+    waited_s, failed_s = 40.0, 0.0
+    while failed_s < 200.0:
+        failed_s += STEP_S
+        unit.heard_ns = round(failed_s * S)
+        unit.limit = 0.2 if failed_s <= waited_s else 0.9
+        if watch.stagnation(unit, unit.heard_ns) is not None:
+            break
+        watch.advance(unit.heard_ns)
+    assert failed_s == waited_s + PATIENCE.lost_s + STEP_S
+
+
+@pytest.mark.parametrize(("progress", "most_s"), [(0.2, PATIENCE.unheard_s), (1.2, PATIENCE.dock_s)])
+def test_a_unit_is_lost_that_is_not_heard_for_as_long_as_it_may_take(progress: float, most_s: float) -> None:
+    unit = _under_way(progress, END)
+    unit.heard_ns, unit.granted_ns = S, 2 * S
+    assert Watch(PATIENCE).silence(unit, round((2.0 + most_s - 0.1) * S)) is None
+    assert Watch(PATIENCE).silence(unit, round((2.0 + most_s + 0.1) * S)) == f"not heard for {most_s:.0f} s"
+
+
+def test_a_unit_has_arrived_in_a_port_once_it_is_locked_to_that_port() -> None:
+    for mode, holder, arrived in (
+        (UnitMode.DOCKED, ("b", "rear"), True),
+        (UnitMode.STANDING, ("b", "rear"), False),
+        (UnitMode.DOCKED, ("b", "left"), False),
+        (UnitMode.STANDING, None, False),
+    ):
+        unit = _under_way(END, END, mode)
+        unit.enters, unit.holder = ("b", "rear"), holder
+        assert Watch(PATIENCE).has_arrived(unit, S) is arrived
+
+
+#: What may happen to one of two that wait for each other: its limit, its progress, how long it is silent.
+EVENTS = {
+    "ground to drive on": (0.2 + 1.2 * SAME_M, 0.2, 0.0),
+    "a dock leg": (END, END, 0.0),
+    "silence": (0.2, 0.2, PATIENCE.silent_s + 0.1),
+    "motion": (0.2, 0.2, 0.0),
+}
+
+
+@pytest.mark.parametrize("event", [None, *EVENTS])
+def test_nobody_moves_where_all_have_waited_for_each_other_for_long(event: str | None) -> None:
+    """Whatever happens to one of them after 3 s lets the time begin anew."""
+    late_s = PATIENCE.stalled_s + (0.0 if event is None else 3.0)
+    for now_s, stalled in ((late_s - 0.1, False), (late_s + 0.1, True)):
+        watch, units = Watch(PATIENCE), [_under_way(0.2, 0.2 + 0.8 * SAME_M) for _ in "ab"]
+        for at_s in (3.0, now_s):
+            limit, progress, silent_s = 0.2, 0.2, 0.0
+            if event is not None and at_s == 3.0:
+                limit, progress, silent_s = EVENTS[event]
+                units[1].moved_ns = round(at_s * S) if event == "motion" else 0
+            units[0].heard_ns, units[1].heard_ns = round(at_s * S), round((at_s - silent_s) * S)
+            units[1].limit, units[1].progress = limit, progress
+            result = watch.nobody_moves(units, round(at_s * S))
+        assert result is stalled
+    assert not watch.nobody_moves([], round(99.0 * S))
