@@ -208,6 +208,15 @@ def test_a_unit_to_which_the_port_is_wider_than_the_cone_stops_in_the_middle(fac
         assert command == pytest.approx((0.0, 0.0))
 
 
+def test_a_unit_that_backs_away_from_the_port_may_stop(tight: DockSetup) -> None:
+    """However fast it backs up and however weak its drive is, no bound asks it to go on backwards."""
+    weak = replace(tight, limits=tight.limits.model_copy(update={"dw_max_radps2": 0.5}))
+    params = BarrierParams()
+    barrier = EdgeBarrier(weak, params.braking, params.rho_rad, np.radians(params.margin_deg))
+    edges = Sighting(0.2, 0.2), Sighting(-0.2, 0.2)
+    assert barrier.limited((0.1, 0.0), (-0.3, 0.0), edges)[0] >= 0.0
+
+
 def test_a_margin_wider_than_the_cone_is_refused(facts: DockSetup) -> None:
     with pytest.raises(SceneError, match="leaves nothing"):
         BarrierLaw(BarrierParams(margin_deg=40.0), facts)
