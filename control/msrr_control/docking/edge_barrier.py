@@ -83,8 +83,9 @@ class EdgeBarrier:
 
     up to what sampling adds. Where this asks for more than the rate limit gives, the drive turns at dw_max.
     The envelope needs the share ``braking`` of that, for :math:`|F'F| \le \gamma`; the rest is left for the
-    growth of D, and v is bounded so that D grows no faster. v is also bounded so that both edges leave a turn
-    rate between their bounds.
+    growth of D, and v is bounded so that D grows no faster. Both shares are those of :math:`\lambda\dot w`,
+    which is less than that of w before a camera behind the axle, and least at contact. v is also bounded so
+    that both edges leave a turn rate between their bounds.
 
     **What is assumed.** The drive is that of eq. 3 with these limits, and a_max brakes as fast as the bounds
     of v fall; the sightings and the twist are those of the time when the command reaches the drive; the
@@ -111,7 +112,9 @@ class EdgeBarrier:
             key, value = "control.docking.params.margin_deg", math.degrees(margin)
             raise SceneError(f"{key} = {value:g} leaves nothing of los.outer_deg")
         limits, period = setup.limits, 1.0 / setup.rate_hz
-        self.gains = EnvelopeGains(gamma=braking * limits.dw_max_radps2, rho=rho_rad)
+        reach = setup.offset - setup.camera_offset + setup.los.setback_m
+        quickest = (1.0 + min(setup.camera_offset, 0.0) / reach) * limits.dw_max_radps2
+        self.gains = EnvelopeGains(gamma=braking * quickest, rho=rho_rad)
         self.lead_s = period / -math.expm1(-limits.kappa_per_s * period)
         self._a_max = limits.a_max_mps2
         self._camera_offset = setup.camera_offset
@@ -119,7 +122,7 @@ class EdgeBarrier:
         self._nearest = setup.los.half_width_m
         # Growth of v / r in a lead for which the envelope leaves some of the drive's acceleration.
         self._sin_bound = math.sin(self.bound)
-        self._quickening = self.lead_s * (1.0 - braking) * limits.dw_max_radps2 / self._sin_bound
+        self._quickening = self.lead_s * (1.0 - braking) * quickest / self._sin_bound
 
     def limited(
         self, wanted: tuple[Any, Any], twist: tuple[Any, Any], edges: tuple[Sighting, Sighting]

@@ -100,7 +100,7 @@ def tracking_step(
         offset: l [m].
         dt: Step [s].
         anti_windup: False keeps lambda at zero (ablation).
-        spring: False switches the spring off (ablation).
+        spring: False keeps lambda_s at zero, without a force (ablation).
 
     Returns:
         (v, w) within the drive's speed limits, shape (..., 2), and the next state.
@@ -117,9 +117,8 @@ def tracking_step(
     velocity = []
     for i in axes:
         u_d = rate[i] - gains.k_l_per_s * position_error(tip[i], goal[i])
-        if anti_windup:
-            u_d = u_d + gains.k_l_per_s * windup.gamma_m * tanh(lam[i]) - windup.k_mps * lam[i]
-        velocity.append(u_d - gamma_s * tanh(lam_s[i]) if spring else u_d)
+        u_d = u_d + gains.k_l_per_s * windup.gamma_m * tanh(lam[i]) - windup.k_mps * lam[i]
+        velocity.append(u_d - gamma_s * tanh(lam_s[i]))
     v, across = rotate_components(velocity[0], velocity[1], -yaw)
     w = across / offset
     max_v, max_w = limits.v_max_mps, limits.w_max_radps

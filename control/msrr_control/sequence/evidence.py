@@ -27,9 +27,9 @@ class Loosened(NamedTuple):
 
 def loosened(c: DockingContext) -> Loosened | None:
     """Return what lock or switches say against a locked and seated unit; None if nothing."""
-    switches, report = c.observation.switches, c.observation.lock
+    report = c.observation.lock
     # Open for no longer than they bounce, the switches say nothing.
-    opened = c.memory.switches.update(switches is None or not switches.both, c.now_ns)
+    opened = c.memory.switches.update(not c.observation.both_closed, c.now_ns)
     if report is None or report.position is not LockPosition.CLOSED:
         says = "nothing" if report is None else report.position.value
         return Loosened(FailureReason.LOCK_OPENED, f"the lock reports {says}")
@@ -110,11 +110,11 @@ def not_parted(c: DockingContext) -> str | None:
 
 def not_undocked(c: DockingContext) -> str | None:
     """Return what speaks against the unit being undocked, in words; None if nothing."""
-    switches, report = c.observation.switches, c.observation.lock
     if not lock_is_open(c):
+        report = c.observation.lock
         says = "nothing" if report is None else report.position.value
         return f"the lock reports {says}, {c.gap:z.3f} m away"
-    if switches is not None and switches.both:
+    if c.observation.both_closed:
         return f"both seat switches are closed, {c.gap:z.3f} m away"
     if c.gap < c.spec.retreat_m - c.tuning.arrived_m:
         return f"the retreat ended {c.gap:z.3f} m away, {c.spec.retreat_m:.3f} m were to be backed out"

@@ -51,6 +51,11 @@ class Observation(NamedTuple):
     tags_read_ns: int | None = None
 
     @property
+    def both_closed(self) -> bool:
+        """Whether both seat switches are closed, by their last report; not before the first one."""
+        return self.switches is not None and self.switches.both
+
+    @property
     def held(self) -> str:
         """End of a reason while the collision monitor limits the commands; empty while it does not."""
         limits = self.monitor is not None and self.monitor.limits

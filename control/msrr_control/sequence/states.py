@@ -86,7 +86,7 @@ def dock(c: DockingContext) -> Twist | Transition:
     at_port = view.gap <= c.setup.pin_reach + tuning.contact_m
     if not at_port:
         c.memory.sigma_lateral = min(c.memory.sigma_lateral or math.inf, view.sigma_lateral)
-    closed = switches is not None and switches.both
+    closed = c.observation.both_closed
     near = with_doubt(tuning.near_m, view.sigma_gap)
     agrees = in_seat_range(view.gap - tuning.seated_gap_m, near) or not spec.verify.by_sight
     if c.memory.switches.update(closed and at_port and agrees, now_ns) >= tuning.debounce_s:
@@ -143,9 +143,8 @@ def _held_by_doubt(monitor: CollisionMonitorState | None) -> bool:
 
 def lock(c: DockingContext) -> Twist | Transition:
     """Close the lock, with the wheels at rest."""
-    switches, report, memory, tuning = c.observation.switches, c.observation.lock, c.memory, c.tuning
-    opened = switches is None or not switches.both
-    if memory.switches.update(opened, c.now_ns) > tuning.debounce_s:
+    report, memory, tuning = c.observation.lock, c.memory, c.tuning
+    if memory.switches.update(not c.observation.both_closed, c.now_ns) > tuning.debounce_s:
         return Transition.back_out("seat switches opened while the cam closed", FailureReason.NOT_LATCHED)
     # A report from before the command to close does not count.
     closed = (
@@ -161,11 +160,11 @@ def lock(c: DockingContext) -> Twist | Transition:
 
 def verify(c: DockingContext) -> Twist | Transition:
     """Compare what is seen with the view of a seated unit; lock and switches have to agree as well."""
-    check, tuning, view, switches = c.spec.verify, c.tuning, c.view, c.observation.switches
+    check, tuning, view = c.spec.verify, c.tuning, c.view
     against = loosened(c)
     if against is not None:
         return Transition.back_out(against.reason, FailureReason.NOT_VERIFIED)
-    closed = switches is not None and switches.both
+    closed = c.observation.both_closed
     if closed and not check.by_sight:
         return Transition(Phase.DONE, "seat switches and cam closed")
     if view is not None and check.by_sight:

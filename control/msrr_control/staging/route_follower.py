@@ -136,7 +136,8 @@ class RouteFollower(Generic[State]):
         monitor, watch = self._monitored(), self._watch
         moved, turned = monitor.end_moved(arena.X_WD)
         if moved > watch.target_moved_m or turned > math.radians(watch.target_moved_deg):
-            return f"the place in front of the port is {moved:.3f} m elsewhere"
+            turn = f"{math.degrees(turned):.1f} deg"
+            return f"the place in front of the port is {moved:.3f} m elsewhere, and turned by {turn}"
         if self._state is not None:
             deviation = _distance(self.tip(arena.X_WU), self._state.guidance.position)
             if deviation > watch.astray_m:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -57,6 +59,16 @@ def test_in_the_dock_leg_silence_does_not_stop_the_unit() -> None:
     assert held.limit(1, held.dock_start - 0.3, 0.0) < held.dock_start
     held.receive(_authority(held.dock_start, seq=2, expires_ns=0))
     assert held.limit(1, held.dock_start, 0.1) == held.dock_start
+
+
+def test_in_the_open_silence_stops_the_unit_in_its_last_leg_as_well() -> None:
+    held = MovementAuthority(LIMITS, REACTION_S)
+    first, last = _legs()[:2]
+    held.receive(replace(_authority(last.end, expires_ns=0), legs=(first, last), to=None))
+    assert held.dock_start == held.length == last.end
+    assert held.limit(1, first.end + 0.1, 0.1) < last.end
+    held.receive(replace(_authority(0.0, seq=2), legs=(), to=None))
+    assert held.dock_start == held.length == 0.0
 
 
 def test_a_dock_leg_is_not_begun_by_an_expired_authority() -> None:

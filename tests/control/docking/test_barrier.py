@@ -7,6 +7,7 @@ from msrr_control.docking.barrier import BarrierLaw, BarrierParams
 from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams
 from msrr_control.docking.law import DockSetup, LawInputs
 from msrr_control.feedback.visibility_cone import edge_angles
+from msrr_control.kinematics.controlled_point import offset_point, point_velocity
 from msrr_control.kinematics.motion_history import MotionHistory
 from msrr_control.studies.disturbance import Disturbance
 from msrr_control.studies.docking_study import StartSet, run_docking_study
@@ -84,6 +85,16 @@ def test_the_unit_slows_down_where_the_bounds_of_both_edges_meet(tight: DockSetu
     assert 0.06 < kept[0][0] < 0.2
     assert kept[0][1] == pytest.approx(-kept[1][1])
     assert kept[1][1] >= 0.0
+
+
+def test_where_no_bound_bites_the_controlled_point_is_tracked_linearly(facts: DockSetup) -> None:
+    law = BarrierLaw(BarrierParams(), facts)
+    pose = np.array([-0.5, -0.02, 0.4])
+    inputs = LawInputs(pose, np.array([0.08, -0.08]), np.array(1.0), np.zeros(2))
+    command, after = law.step(law.start(inputs), inputs, 0.02)
+    velocity = -law.params.k_n_per_s * (offset_point(pose, facts.offset) - law.reference(after))
+    velocity[0] += after.guidance.speed
+    assert point_velocity(command, pose[2], facts.offset) == pytest.approx(velocity)
 
 
 def test_a_lost_target_sets_no_barrier(facts: DockSetup) -> None:

@@ -4,6 +4,8 @@ from pydantic import ValidationError
 
 from msrr_control.docking.c1 import C1DockingLaw, C1DockingParams, LinearParams
 from msrr_control.docking.law import DockSetup, LawInputs
+from msrr_control.feedback.composite import composite_feedback
+from msrr_control.kinematics.controlled_point import offset_point, point_velocity
 from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -37,6 +39,18 @@ def test_every_switch_changes_what_it_names_and_nothing_else() -> None:
     np.testing.assert_array_equal(commands[2], commands[0])
     linear = C1DockingLaw(LinearParams().as_c1(), FACTS)
     assert abs(linear.step(linear.start(near), near, 0.02)[0][1]) < abs(commands[0][1])
+
+
+def test_the_controlled_point_moves_as_the_equations_say() -> None:
+    """Eqs. 25 to 27 with an anti-windup state of either sign; the cone is not touched and no limit bites."""
+    near = LawInputs(np.array([-0.5, 0.01, 0.3]), np.array([0.08, -0.08]), np.array(1.0), np.zeros(2))
+    xi = np.array([0.2, -0.4])
+    command, after = LAW.step(LAW.start(near)._replace(xi=xi), near, 0.02)
+    windup = LAW.params.windup
+    error = offset_point(near.pose, FACTS.offset) - LAW.reference(after) - windup.gamma_m * np.tanh(xi)
+    velocity = composite_feedback(error, LAW.params.feedback) - windup.k_mps * xi
+    velocity[0] += after.guidance.speed
+    assert point_velocity(command, near.pose[2], FACTS.offset) == pytest.approx(velocity)
 
 
 def test_an_anti_windup_that_would_cycle_is_refused() -> None:

@@ -55,9 +55,10 @@ def states_in_the_set(
         outward = twist[:, 0] * np.sin(barrier.bound) / edge.distance - side * lever * twist[:, 1]
         inside &= (beyond <= 0.0) & (outward <= envelope(beyond, barrier.gains))
         # Fast enough at this distance for the port to grow faster than the drive can turn: not in the set.
+        quickest = np.minimum(lever, 1.0) * limits.dw_max_radps2
         inside &= (twist[:, 0] / edge.distance) ** 2 * np.sin(barrier.bound) <= (
             1.0 - params.braking
-        ) * limits.dw_max_radps2
+        ) * quickest
     return pose[inside][:STATES], twist[inside][:STATES]
 
 
@@ -159,6 +160,15 @@ def test_a_camera_ahead_of_the_axle_costs_a_part_of_the_margin(tight: DockSetup)
     assert largest_excess(ahead, Lag(), ahead, reckless=True) < 0.3
 
 
+@pytest.mark.parametrize(("camera_offset", "reckless"), [(-0.1, False), (-0.2, True)])
+def test_a_camera_behind_the_axle_keeps_the_edges_as_well(
+    tight: DockSetup, camera_offset: float, reckless: bool
+) -> None:
+    """A turn moves the edges less. Held for as quick as the unit they left by 0.8 and by 34 deg."""
+    behind = replace(tight, camera_offset=camera_offset)
+    assert largest_excess(behind, Lag(), behind, reckless=reckless) < SAMPLING_DEG
+
+
 @pytest.mark.parametrize("reckless", [False, True])
 def test_a_unit_slows_down_where_the_edges_are_soon_faster_than_it_turns(
     tight: DockSetup, reckless: bool
@@ -187,6 +197,24 @@ def test_each_fact_is_needed(tight: DockSetup, fact: str) -> None:
         told = replace(told, limits=tight.limits.model_copy(update={"dw_max_radps2": 10.0}))
     excess = largest_excess(tight, lag, told, told_age=fact != "age", reckless=True)
     assert excess > BarrierParams().margin_deg
+
+
+def test_a_unit_to_which_the_port_is_wider_than_the_cone_stops_in_the_middle(facts: DockSetup) -> None:
+    """No turn rate keeps both edges inside: it does not back up, and turns to neither side."""
+    params, angle = BarrierParams(), facts.los.outer + 0.1
+    barrier = EdgeBarrier(facts, params.braking, params.rho_rad, np.radians(params.margin_deg))
+    for turn in (-1.0, 1.0):
+        command = barrier.limited((0.1, turn), (0.0, 0.0), (Sighting(angle, 0.1), Sighting(-angle, 0.1)))
+        assert command == pytest.approx((0.0, 0.0))
+
+
+def test_a_unit_that_backs_away_from_the_port_may_stop(tight: DockSetup) -> None:
+    """However fast it backs up and however weak its drive is, no bound asks it to go on backwards."""
+    weak = replace(tight, limits=tight.limits.model_copy(update={"dw_max_radps2": 0.5}))
+    params = BarrierParams()
+    barrier = EdgeBarrier(weak, params.braking, params.rho_rad, np.radians(params.margin_deg))
+    edges = Sighting(0.2, 0.2), Sighting(-0.2, 0.2)
+    assert barrier.limited((0.1, 0.0), (-0.3, 0.0), edges)[0] >= 0.0
 
 
 def test_a_margin_wider_than_the_cone_is_refused(facts: DockSetup) -> None:

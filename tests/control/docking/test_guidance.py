@@ -42,6 +42,12 @@ def test_it_waits_for_a_unit_that_stands_still() -> None:
     assert places[-1] + 0.7 < 1.5 * SPEC.lag_m
 
 
+@pytest.mark.parametrize(("lag", "share"), [(0.5, 1.0), (0.75, 0.5), (1.0, 0.0)])
+def test_it_slows_down_from_half_of_the_largest_lag_on(lag: float, share: float) -> None:
+    _, speeds = _run(lambda state: np.array([float(state.x) - lag * SPEC.lag_m, 0.0]))
+    assert speeds.max() == pytest.approx(share * SPEC.speed_mps)
+
+
 def test_it_waits_for_a_target_that_is_lost_and_slows_down_for_one_that_is_predicted() -> None:
     lost, _ = _run(_on_it, visibility=0.0)
     assert np.all(lost == -0.7)

@@ -83,8 +83,14 @@ def test_the_pace_ramps_cruises_and_stops_at_the_end() -> None:
 
 
 def test_the_pace_waits_for_a_unit_that_is_held() -> None:
-    path, spec = Path(np.zeros(3), np.array([0.0]), np.array([3.0])), PaceSpec()
-    pace = Pace(np.array(0.0), np.array(0.0))
-    for _ in range(500):
-        pace, _ = pace_step(pace, path, np.zeros(2), spec, 0.02)
-    assert spec.lag_m < float(pace.s) <= 2.0 * spec.lag_m + 0.04
+    """By its lag along the path, whichever way that leads and however far beside it the unit is."""
+    spec, places = PaceSpec(), []
+    for yaw, beside in ((0.0, 0.0), (1.0, 0.3), (2.5, -0.3)):
+        path = Path(np.array([0.0, 0.0, yaw]), np.array([0.0]), np.array([3.0]))
+        tip = beside * np.array([-np.sin(yaw), np.cos(yaw)])
+        pace = Pace(np.array(0.0), np.array(0.0))
+        for _ in range(500):
+            pace, _ = pace_step(pace, path, tip, spec, 0.02)
+        places.append(float(pace.s))
+    assert spec.lag_m < places[0] <= 2.0 * spec.lag_m + 0.04
+    assert places == pytest.approx([places[0]] * 3)

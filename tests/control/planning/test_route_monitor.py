@@ -84,12 +84,30 @@ def test_what_is_behind_the_unit_is_none() -> None:
     assert monitor.reason_to_replan(known, 1.5, 0.02) is None
 
 
+@pytest.mark.parametrize(("beyond_m", "behind"), [(0.03, True), (-0.03, False), (-0.2, False)])
+def test_an_obstacle_is_behind_once_the_axle_is_past_it(beyond_m: float, behind: bool) -> None:
+    s = 1.5
+    abreast = -1.6 + s - WALLS.release_m(PLANNER.offset)
+    reason = _monitor(_arena()).reason_to_replan(_arena(_obstacle(abreast - beyond_m, 0.1)), s, 0.02)
+    assert (reason is None) is behind
+
+
 def test_the_wall_is_that_of_the_first_obstacle_not_yet_passed() -> None:
     arena = _arena(_obstacle(-0.45, name="second"), _obstacle(-0.9, name="first"))
     monitor = _monitor(arena, {"first": 1.0, "second": -1.0})
     assert monitor.wall(arena, np.array([-1.6, 0.0]), 0.0)[1] is None
-    assert monitor.wall(arena, np.array([-1.2, 0.0]), 0.4)[1] == "first"
+    for x in (-1.2, -0.95):  # before it stands the one wall, then the one of the second as well
+        assert monitor.wall(arena, np.array([x, 0.0]), x + 1.6)[1] == "first"
     assert monitor.wall(arena, np.array([-0.6, 0.2]), 1.0)[1] == "second"
+
+
+def test_on_the_way_back_beside_itself_the_walls_are_those_of_the_way_back() -> None:
+    """A way of 1.5 m, a half turn of radius 0.5 m, and as far back: what was passed is abreast once more."""
+    arena = _arena(_obstacle(-0.9, -0.5, "there"), _obstacle(-0.6, 0.5, "back"))
+    path = Path(np.array([-1.6, -0.5, 0.0]), np.array([0.0, 2.0, 0.0]), np.array([1.5, 0.5 * math.pi, 1.5]))
+    monitor = RouteMonitor(Route(path, "arc", {"there": 1.0, "back": 1.0}, 20.0), PLANNER, arena)
+    for s, name in ((0.4, "there"), (3.27, "back"), (4.0, None)):
+        assert monitor.wall(arena, path.at(s).point, s)[1] == name
 
 
 def test_a_target_that_moves_moves_the_end() -> None:

@@ -68,3 +68,24 @@ def test_no_path_follows_an_arc_through_another_disc(degrees: int) -> None:
     assert float(path.length) == pytest.approx(2.0 * math.sqrt(away**2 - 1.0) + arc, abs=1e-6)
     _, points = path.sample(0.005)
     assert np.hypot(points[:, 0] - bump.x, points[:, 1] - bump.y).min() >= bump.radius
+
+
+def test_in_the_open_the_last_arc_turns_to_the_side_that_makes_the_path_shorter() -> None:
+    """Of a line and an arc to the left or to the right, neither by more than the longest arc."""
+    space, radius, both = FreeSpace((-9.0, 9.0, -9.0, 9.0), ()), 0.25, 0
+    goals = np.random.default_rng(3).uniform([0.6, -0.5, -3.1], [1.5, 0.5, 3.1], (100, 3))
+    for x, y, heading in goals.tolist():
+        lengths = []
+        for turn in (1.0, -1.0):
+            to_x = x - turn * radius * math.sin(heading)
+            to_y = y + turn * radius * math.cos(heading)
+            distance = math.hypot(to_x, to_y)
+            arrive = math.atan2(to_y, to_x) - math.asin(turn * radius / distance)
+            angle = (turn * (heading - arrive)) % (2.0 * math.pi)
+            if angle <= 1.5 * math.pi:
+                lengths.append(math.sqrt(distance**2 - radius**2) + radius * angle)
+        both += len(lengths) == 2
+        path = shortest_path(space, (0.0, 0.0), Goal(x, y, heading, radius))
+        assert path is not None
+        assert float(path.length) == pytest.approx(min(lengths))
+    assert both > 30

@@ -731,6 +731,18 @@ def test_a_unit_that_begins_docked_has_to_back_out_before_it_is_undocked(facts: 
     assert way == pytest.approx(desk.spec.retreat_m, abs=0.02)
 
 
+def test_a_unit_whose_lock_never_says_a_word_is_not_undocked(facts: DockSetup) -> None:
+    desk = Desk(facts)
+    law = build_controller(Choice(name="c1"), facts)
+    desk.machine = PhaseMachine(desk.spec, facts, law, docked=True)
+    desk.machine.undock()
+    while desk.now_ns == 0 or not desk.machine.finished:
+        assert desk.now_ns < 15e9
+        desk.ask(desk.at(desk.spec.retreat_m), closed=False)
+    assert desk.machine.belief.setback is FailureReason.NOT_RELEASED
+    assert "the lock reports nothing" in desk.machine.belief.reason
+
+
 @pytest.mark.parametrize(("switches", "share"), [(True, 1.0), (False, 0.5), (False, 0.0)])
 def test_undocking_needs_open_switches_and_the_whole_way(
     facts: DockSetup, switches: bool, share: float
@@ -754,6 +766,7 @@ def test_undocked_unseen_by_odometry_with_the_lock_open(facts: DockSetup) -> Non
         action = desk.ask(
             desk.at(gap), exposed_ns=began, closed=gap < 1e-3, lock=(LockPosition.OPEN, desk.now_ns)
         )
+        assert not action.lock  # nor once it has undocked: the next port would find the lock closed
         gap -= 0.02 * action.twist.v
     assert desk.machine.belief.conviction is Conviction.UNDOCKED
 
@@ -777,6 +790,31 @@ def test_a_retreat_that_cannot_part_from_the_port_ends_the_step(facts: DockSetup
     assert "cam not closed" in belief.reason, "why it backed out in the first place"
 
 
+def test_a_unit_that_nobody_sees_and_that_has_not_driven_off_is_stuck_in_the_port(facts: DockSetup) -> None:
+    desk = Desk(facts)
+    desk.to_dock()
+    while desk.machine.phase is Phase.DOCK:
+        desk.ask(desk.at(0.005), lock=(LockPosition.OPEN, desk.now_ns))
+    seen_ns = desk.now_ns
+    while desk.machine.attempt == 1 and not desk.machine.finished:
+        assert desk.now_ns < 60e9
+        desk.ask(desk.at(0.005), exposed_ns=seen_ns, lock=(LockPosition.OPEN, desk.now_ns))
+    assert desk.machine.belief.setback is FailureReason.NOT_RELEASED
+    assert "5 mm away by odometry" in desk.machine.belief.reason
+
+
+def test_a_unit_that_is_seen_clear_of_the_port_has_left_it_whatever_the_lock_says(facts: DockSetup) -> None:
+    """The lock jams while it closes, and pins that it does not hold come out."""
+    desk = Desk(facts)
+    desk.to_lock()
+    gap = 0.0
+    while desk.machine.attempt == 1 and not desk.machine.finished:
+        assert desk.now_ns < 40e9
+        action = desk.ask(desk.at(gap), closed=gap < 1e-3, lock=(LockPosition.CLOSING, desk.now_ns))
+        gap -= 0.02 * min(action.twist.v, 0.0)
+    assert desk.machine.attempt == 2
+
+
 @pytest.mark.parametrize(("lateral", "parted"), [(0.010, False), (0.021, True), (0.5, True)])
 def test_only_a_unit_before_the_mouths_can_be_stuck_in_them(
     facts: DockSetup, lateral: float, parted: bool
@@ -789,6 +827,19 @@ def test_only_a_unit_before_the_mouths_can_be_stuck_in_them(
         desk.ask(desk.at(-0.056, lateral), lock=(LockPosition.OPEN, desk.now_ns))
     assert (desk.machine.attempt == 2) is parted
     assert (desk.machine.belief.setback is FailureReason.NOT_RELEASED) is not parted
+
+
+@pytest.mark.parametrize(("state", "parted"), [(MonitorState.STOP, True), (MonitorState.FREE, False)])
+def test_a_unit_that_the_monitor_holds_in_the_port_is_not_stuck_there(
+    facts: DockSetup, state: MonitorState, parted: bool
+) -> None:
+    desk = Desk(facts)
+    desk.to_dock()
+    while desk.machine.attempt == 1 and not desk.machine.finished:
+        assert desk.now_ns < 60e9
+        monitor = CollisionMonitorState(desk.now_ns, state, None, None, 0.0)
+        desk.ask(desk.at(0.005), lock=(LockPosition.OPEN, desk.now_ns), monitor=monitor)
+    assert (desk.machine.attempt == 2) is parted
 
 
 # The retreat: how long the unit waits for an overhead picture before it backs out.

@@ -99,7 +99,7 @@ def test_a_restart_goes_on_where_the_unit_was(follower: RouteFollower) -> None:
         (START, X_WD, None),
         (START, SE2(1.15, 0.02), None),
         (START, SE2(1.2, 0.0), "the place in front of the port is 0.100 m elsewhere"),
-        (START, SE2(1.1, 0.0, 0.15), "elsewhere"),
+        (START, SE2(0.4, 0.0, 0.15) @ SE2(0.7, 0.0), "is 0.000 m elsewhere, and turned by 8.6 deg"),
         (SE2(-1.0, 0.6), X_WD, "0.60 m off the path"),
     ],
 )

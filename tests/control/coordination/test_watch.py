@@ -1,0 +1,217 @@
+"""Single judgements of the watch, each with a record made for that judgement alone."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from msrr_control.coordination.ledger import SAME_M, UnitRecord
+from msrr_control.coordination.mission import Patience
+from msrr_control.coordination.track import Track, TrackBuilder, standing
+from msrr_control.coordination.watch import Watch
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages.coordination import UnitMode, UnitReport, UnitState
+
+PATIENCE = Patience()
+S = 1_000_000_000
+STEP_S = 0.5
+LOST_S, EXPIRED_S = 10.0, 10.0 + PATIENCE.expires_s
+
+
+def _told(mode: UnitMode, at_s: float, docked_to: str | None = None) -> UnitReport:
+    return UnitReport("a", round(at_s * S), 1, 1, 0.0, mode, docked_to)
+
+
+@pytest.mark.parametrize(
+    ("mode", "told_s", "seen_s", "found"),
+    [
+        (UnitMode.STANDING, EXPIRED_S + 0.1, LOST_S + 0.1, True),
+        (UnitMode.STANDING, EXPIRED_S - 0.1, LOST_S + 0.1, False),  # it may drive on by its last authority
+        (UnitMode.LOST, LOST_S + 0.2, LOST_S + 0.1, True),  # one that says so stays there
+        (UnitMode.LOST, LOST_S + 0.2, LOST_S - 0.1, False),
+        (UnitMode.STANDING, EXPIRED_S + 0.1, LOST_S - 0.1, False),
+        (UnitMode.DRIVING, EXPIRED_S + 9.0, EXPIRED_S + 9.0, False),
+        (UnitMode.DOCKING, EXPIRED_S + 9.0, EXPIRED_S + 9.0, False),
+        (UnitMode.STANDING, LOST_S - 0.1, EXPIRED_S + 9.0, False),
+    ],
+)
+def test_a_lost_unit_is_found_where_it_stands_heard_and_seen(
+    mode: UnitMode, told_s: float, seen_s: float, found: bool
+) -> None:
+    unit = UnitRecord("a", SE2(), state=UnitState.LOST, route=1, still_ns=round(LOST_S * S))
+    assert not Watch(PATIENCE).is_found(unit)
+    unit.report, unit.seen_ns = _told(mode, told_s), round(seen_s * S)
+    assert Watch(PATIENCE).is_found(unit) is found
+
+
+def test_a_lost_unit_in_a_port_is_found_unseen() -> None:
+    """In the one that it was to enter at once; in another one when its last authority has ended."""
+    for enters, told_s, found in (
+        (("b", "rear"), LOST_S + 0.1, True),
+        (None, LOST_S + 0.1, False),
+        (None, EXPIRED_S + 0.1, True),
+    ):
+        unit = UnitRecord("a", SE2(), state=UnitState.LOST, route=1, still_ns=round(LOST_S * S))
+        unit.holder, unit.enters = ("b", "rear"), enters
+        unit.report = _told(UnitMode.DOCKED, told_s, "b.rear")
+        assert Watch(PATIENCE).is_found(unit) is found
+
+
+@pytest.mark.parametrize("turned", [-1.0, 1.0])
+def test_a_move_is_done_by_place_and_by_heading(turned: float) -> None:
+    end, far, askew = SE2(0.3, -0.2, 2.0), PATIENCE.arrived_m, turned * PATIENCE.arrived_rad
+    unit = UnitRecord("a", state=UnitState.UNDER_WAY, track=standing(end), seen_ns=2, moved_ns=1)
+    for share, there in ((0.9, True), (1.1, False)):
+        for off in (SE2(0.0, share * far, 0.0), SE2(-share * far, 0.0, 0.0), SE2(0.0, 0.0, share * askew)):
+            unit.X_WU = end @ off
+            assert Watch(PATIENCE).is_at_end(unit) is there
+    unit.seen_ns = 0  # nobody saw where it has come to: its own word has to do
+    assert Watch(PATIENCE).is_at_end(unit)
+
+
+def _into_a_port() -> Track:
+    """A way of 1 m ahead and 0.7 m into a port."""
+    builder = TrackBuilder(SE2(), 0.1)
+    builder.ahead(1.0)
+    builder.dock(builder.pose @ SE2(0.7, 0.0, 0.0), 0.7)
+    return builder.track()
+
+
+TRACK = _into_a_port()
+END = TRACK.length
+
+
+def _under_way(progress: float, limit: float, mode: UnitMode = UnitMode.STANDING) -> UnitRecord:
+    unit = UnitRecord("a", SE2(), state=UnitState.UNDER_WAY, route=1, track=TRACK)
+    unit.limit, unit.progress, unit.report = limit, progress, UnitReport("a", 1, 1, 1, progress, mode, None)
+    return unit
+
+
+@pytest.mark.parametrize(
+    ("progress", "limit", "moves", "heard", "fails_s"),
+    [
+        (0.2, 0.9, False, True, PATIENCE.lost_s),
+        (0.2, 0.2 + 1.2 * SAME_M, False, True, PATIENCE.lost_s),
+        (0.2, 0.2 + 0.8 * SAME_M, False, True, math.inf),  # it waits for others
+        (0.2, 0.9, False, False, math.inf),  # nobody can know
+        (0.2, END, False, True, PATIENCE.lost_s),
+        (1.2, END, False, True, PATIENCE.dock_s),
+        (END, END, False, True, PATIENCE.dock_s),
+        (END, END, True, True, math.inf),  # it tries again
+    ],
+)
+def test_a_unit_fails_that_could_go_on_and_does_not(
+    progress: float, limit: float, moves: bool, heard: bool, fails_s: float
+) -> None:
+    unit, watch = _under_way(progress, limit), Watch(PATIENCE)
+    stopping = ((0.0, 0.0, 0.0),) if moves else ()
+    unit.report = UnitReport("a", 1, 1, 1, progress, UnitMode.STANDING, None, stopping=stopping)
+    failed_s = math.inf
+    for k in range(1, 400):
+        now_ns = round(k * STEP_S * S)
+        unit.heard_ns = now_ns if heard else 0
+        if watch.stagnation(unit, now_ns) is not None:
+            failed_s = k * STEP_S
+            break
+        watch.advance(now_ns)
+    assert failed_s == fails_s + (0.0 if math.isinf(fails_s) else STEP_S)
+
+
+def test_who_waits_has_come_to_rest_at_its_limit_or_may_not_begin() -> None:
+    assert Watch(PATIENCE).waits(_under_way(0.5, 0.5))
+    assert Watch(PATIENCE).waits(_under_way(0.0, -1.0, UnitMode.DOCKED))
+    assert not Watch(PATIENCE).waits(_under_way(0.5, 0.9))
+    assert not Watch(PATIENCE).waits(_under_way(0.5, 0.5, UnitMode.DRIVING))
+    assert not Watch(PATIENCE).waits(_under_way(0.0, 0.5, UnitMode.DOCKED))
+    assert not Watch(PATIENCE).waits(_under_way(END, END)), "nobody is waited for in a dock leg"
+
+
+@pytest.mark.parametrize(
+    ("state", "seen", "may"),
+    [
+        (UnitState.LOST, True, True),
+        (UnitState.IDLE, False, True),
+        (UnitState.IDLE, True, False),
+        (UnitState.FAILED, False, False),
+    ],
+)
+def test_who_is_out_of_sight_may_be_found_for_a_while(state: UnitState, seen: bool, may: bool) -> None:
+    unit = UnitRecord("a", SE2() if seen else None, state=state, still_ns=S)
+    for after_s, within in ((PATIENCE.lost_s - 0.1, True), (PATIENCE.lost_s + 0.1, False)):
+        assert Watch(PATIENCE).may_be_found(unit, round((1.0 + after_s) * S)) is (may and within)
+
+
+def test_a_unit_has_arrived_that_rests_at_the_end_once_somebody_has_looked_or_has_had_the_time_to() -> None:
+    unit, moved_s = _under_way(END - 0.8 * SAME_M, END), 10.0
+    unit.moved_ns = round(moved_s * S)
+    for seen_s, now_s, arrived in (
+        (moved_s - 1.0, moved_s + PATIENCE.unseen_s - 0.1, False),
+        (moved_s - 1.0, moved_s + PATIENCE.unseen_s + 0.1, True),
+        (moved_s + 0.1, moved_s + 0.2, True),
+    ):
+        unit.seen_ns = round(seen_s * S)
+        assert Watch(PATIENCE).has_arrived(unit, round(now_s * S)) is arrived
+    assert not Watch(PATIENCE).has_arrived(_under_way(END - 1.2 * SAME_M, END), S)
+    unit.route = 2
+    assert not Watch(PATIENCE).has_arrived(unit, round(20.0 * S)), "that report is of another route"
+
+
+def test_the_time_for_which_a_unit_had_to_wait_does_not_count_and_no_more_than_that() -> None:
+    unit, watch = _under_way(0.2, 0.2), Watch(PATIENCE)
+    waited_s, failed_s = 40.0, 0.0
+    while failed_s < 200.0:
+        failed_s += STEP_S
+        unit.heard_ns = round(failed_s * S)
+        unit.limit = 0.2 if failed_s <= waited_s else 0.9
+        if watch.stagnation(unit, unit.heard_ns) is not None:
+            break
+        watch.advance(unit.heard_ns)
+    assert failed_s == waited_s + PATIENCE.lost_s + STEP_S
+
+
+@pytest.mark.parametrize(("progress", "most_s"), [(0.2, PATIENCE.unheard_s), (1.2, PATIENCE.dock_s)])
+def test_a_unit_is_lost_that_is_not_heard_for_as_long_as_it_may_take(progress: float, most_s: float) -> None:
+    unit = _under_way(progress, END)
+    unit.heard_ns, unit.granted_ns = S, 2 * S
+    assert Watch(PATIENCE).silence(unit, round((2.0 + most_s - 0.1) * S)) is None
+    assert Watch(PATIENCE).silence(unit, round((2.0 + most_s + 0.1) * S)) == f"not heard for {most_s:.0f} s"
+
+
+def test_a_unit_has_arrived_in_a_port_once_it_is_locked_to_that_port() -> None:
+    for mode, holder, arrived in (
+        (UnitMode.DOCKED, ("b", "rear"), True),
+        (UnitMode.STANDING, ("b", "rear"), False),
+        (UnitMode.DOCKED, ("b", "left"), False),
+        (UnitMode.STANDING, None, False),
+    ):
+        unit = _under_way(END, END, mode)
+        unit.enters, unit.holder = ("b", "rear"), holder
+        assert Watch(PATIENCE).has_arrived(unit, S) is arrived
+
+
+#: What may happen to one of two that wait for each other: its limit, its progress, how long it is silent.
+EVENTS = {
+    "ground to drive on": (0.2 + 1.2 * SAME_M, 0.2, 0.0),
+    "a dock leg": (END, END, 0.0),
+    "silence": (0.2, 0.2, PATIENCE.silent_s + 0.1),
+    "motion": (0.2, 0.2, 0.0),
+}
+
+
+@pytest.mark.parametrize("event", [None, *EVENTS])
+def test_nobody_moves_where_all_have_waited_for_each_other_for_long(event: str | None) -> None:
+    """Whatever happens to one of them after 3 s lets the time begin anew."""
+    late_s = PATIENCE.stalled_s + (0.0 if event is None else 3.0)
+    for now_s, stalled in ((late_s - 0.1, False), (late_s + 0.1, True)):
+        watch, units = Watch(PATIENCE), [_under_way(0.2, 0.2 + 0.8 * SAME_M) for _ in "ab"]
+        for at_s in (3.0, now_s):
+            limit, progress, silent_s = 0.2, 0.2, 0.0
+            if event is not None and at_s == 3.0:
+                limit, progress, silent_s = EVENTS[event]
+                units[1].moved_ns = round(at_s * S) if event == "motion" else 0
+            units[0].heard_ns, units[1].heard_ns = round(at_s * S), round((at_s - silent_s) * S)
+            units[1].limit, units[1].progress = limit, progress
+            result = watch.nobody_moves(units, round(at_s * S))
+        assert result is stalled
+    assert not watch.nobody_moves([], round(99.0 * S))
