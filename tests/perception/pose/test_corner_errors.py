@@ -47,6 +47,14 @@ def test_the_corners_move_as_the_lines_through_the_edges_intersect(yaw: float) -
         np.testing.assert_allclose(corners_by_sections(corners) @ drawn.ravel(), moved.ravel(), atol=1e-8)
 
 
+@pytest.mark.parametrize("yaw", [0.0, 0.4, -2.5])
+def test_each_coordinate_of_a_corner_has_the_variance_that_its_edges_give_it(yaw: float) -> None:
+    """Noise of the frame and what lasts are independent, so that their variances add up."""
+    errors, moved = CornerErrors(3.0, 0.8), corners_by_sections(square(42.0, yaw))
+    by_sections = errors.frame_px(42.0) ** 2 + errors.sampling_px(42.0) ** 2 + errors.border_px(42.0) ** 2
+    np.testing.assert_allclose(np.diag(moved @ moved.T) * by_sections, errors.corner_variance(42.0))
+
+
 @pytest.mark.parametrize(("edge_px", "noise"), [(30.0, 2.0), (42.0, 2.0), (42.0, 8.0), (66.0, 8.0)])
 def test_noise_moves_refined_corners_as_much_as_stated(
     edge_px: float, noise: float, warp: Callable[..., Pixels], plate: Callable[[int], Pixels]
