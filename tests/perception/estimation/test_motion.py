@@ -262,10 +262,11 @@ def test_the_rates_about_an_exposure_are_those_of_the_arc_that_is_driven(
     start = _start(motion, SE2(-0.7, 0.1, 0.3), history)
     mean = start.mean.copy()
     mean[target.filter_layout.tags.columns[0, CLOCK]] = late_s
+    mean[5:7] = 0.03, -0.02  # what was learned of the radii
     rates = motion.rates(replace(start, stamp_ns=20 * TICK_NS, mean=mean), history)
 
-    radius, period = target.wheel_radius, 1e-9 * TICK_NS
-    v, w = 0.5 * (left + right) * radius / period, (right - left) * radius / target.track / period
+    by_left, by_right = target.wheel_radius / (1e-9 * TICK_NS) * np.array([1.03 * left, 0.98 * right])
+    v, w = 0.5 * (by_left + by_right), (by_right - by_left) / target.track
     X_stamp, after = SE2(-0.7, 0.1, 0.3), rates.first + rates.step * np.arange(len(rates.way))
     np.testing.assert_allclose(
         [after[0], np.mean(after), after[-1]], -late_s + np.array([-0.03, 0.0, 0.03]), atol=1e-9
