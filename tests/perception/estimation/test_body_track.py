@@ -83,8 +83,9 @@ class Scene:
 
     def nees(self) -> float:
         assert self.track is not None
-        e = self.error()
-        return float(e @ np.linalg.solve(self.track.pose(self.now_ns, NOISE).covariance, e))
+        e, P = self.error(), self.track.pose(self.now_ns, NOISE).covariance
+        np.testing.assert_allclose(P, P.T, rtol=1e-9, atol=1e-18)
+        return float(e @ np.linalg.solve(P, e))
 
 
 def drives_after(start_s: float, v: float, w: float) -> Callable[[float], Twist]:
