@@ -110,7 +110,7 @@ def test_derivatives_are_those_of_the_projection(leans: tuple[float, float, floa
     rates, h = _accelerated(), 1e-6
     after = np.array([-2e-3, 1e-3, 1e-3, 4e-3])
     state = np.zeros(layout.size)
-    state[:5] = pose_vector(X_DU, 0.15, -0.2)
+    state[:5] = pose_vector(SE2(-0.42, 0.03, 0.4), 0.15, -0.2)
     state[layout.first :] = 0.1 * layout.prior * rng.standard_normal(len(layout.prior))
     for tag, k in layout.index.items():
         J, pixels = np.empty((8, PARAMETERS)), np.empty((3, 8))
