@@ -65,6 +65,17 @@ def test_nothing_behind_or_beside_the_camera_is_seen() -> None:
     assert Lens(CAMERA).sees(CAMERA.rays(edge))
 
 
+def test_the_image_ends_half_a_pixel_beyond_the_middles_of_its_outer_pixels() -> None:
+    for border, outward in (
+        ([-0.5, 100.0], [-1.0, 0.0]),
+        ([639.5, 100.0], [1.0, 0.0]),
+        ([100.0, -0.5], [0.0, -1.0]),
+        ([100.0, 479.5], [0.0, 1.0]),
+    ):
+        assert CAMERA.contains(np.array(border))
+        assert not CAMERA.contains(np.array(border) + 0.125 * np.array(outward))
+
+
 quarters = st.integers(-80, 2640).map(lambda count: 0.25 * count)  # of pixels, which add up without rounding
 
 
