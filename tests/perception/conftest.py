@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -51,6 +51,12 @@ def _project(target: TargetModel, pose: np.ndarray, points_D: np.ndarray) -> tup
 
 
 @pytest.fixture(scope="session")
+def leaning(target: TargetModel) -> TargetModel:
+    """A target that is seen by a camera which is pitched, rolled and turned on its mount."""
+    return replace(target, X_UC=target.X_UC @ SE3.from_xyz_rpy([0.01, -0.02, 0.03], [0.3, -0.2, 0.1]))
+
+
+@pytest.fixture(scope="session")
 def project() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
     """What the kernels compute, written down as a chain of frames."""
     return _project
@@ -60,9 +66,11 @@ def project() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
 def jacobian(target: TargetModel) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
     """Pixels, shape (2 N,), and derivatives, shape (2 N, 5), as the kernels compute them."""
 
-    def compute(pose: np.ndarray, points_D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def compute(
+        pose: np.ndarray, points_D: np.ndarray, by: TargetModel = target
+    ) -> tuple[np.ndarray, np.ndarray]:
         pixels, J = np.empty(2 * len(points_D)), np.empty((2 * len(points_D), 5))
-        project_into(target.optics, pose, np.ascontiguousarray(points_D), pixels, J)
+        project_into(by.optics, pose, np.ascontiguousarray(points_D), pixels, J)
         return pixels, J
 
     return compute

@@ -20,6 +20,8 @@ _SHARES = 6
 def pose_by_marker(mean: Array, marker: int, pivot: Array) -> tuple[Array, Array]:
     """Return the pose in the dock frame, shape (3,), and its derivatives, shape (3, 6).
 
+    The yaw is not wrapped: it is the sum of those of the pose and of the marker.
+
     Args:
         mean: State, shape (n,), that begins with the pose against the marker.
         marker: Index of the place (x, y, yaw) of the marker in the state; -1 if it is as designed.
@@ -36,8 +38,7 @@ def pose_by_marker(mean: Array, marker: int, pivot: Array) -> tuple[Array, Array
         c, s, x, y = math.cos(turn), math.sin(turn), mean[0] - pivot[0], mean[1] - pivot[1]
         dx, dy = c * x - s * y, s * x + c * y
         pose[0], pose[1] = pivot[0] + mean[marker] + dx, pivot[1] + mean[marker + 1] + dy
-        turned = mean[2] + turn
-        pose[2] = turned - 2.0 * math.pi * np.rint(turned / (2.0 * math.pi))
+        pose[2] = mean[2] + turn
         J[0, 0], J[0, 1], J[1, 0], J[1, 1] = c, -s, s, c
         J[0, 5], J[1, 5] = -dy, dx
     return pose, J

@@ -195,5 +195,4 @@ def fit_corners(
     )
     if not solvable:
         raise np.linalg.LinAlgError("corners and prior leave a direction of the state open")
-    state[YAW] = math.remainder(state[YAW], 2.0 * math.pi)
     return CornerFit(state, covariance, chi2, cost)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from msrr_bullet.sensors.calibrated_sight import OverheadSight
+from msrr_perception.pose.global_pose import FlatTag
 from msrr_perception.pose.overhead_errors import PoseErrors
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.as_built import draw_as_built
@@ -91,6 +92,32 @@ def test_distances_err_by_no_more_than_the_strain(quantity: str) -> None:
     assert max(found) <= 1.02 * strain + 1e-5
     # Over the whole frame it is up to four times as large as at these places, for what grows outwards.
     assert strain <= 4.0 * max(found) + 1e-5
+
+
+def test_a_tag_beside_the_origin_of_its_body_turns_the_errors_of_its_pose_into_places_of_the_body() -> None:
+    """Against a tag on the origin of a body that stands where the tag is, by the derivatives of frames."""
+    model = OverheadModel.from_scene(load_scene("two_units", {"as_built": "careful"}).told(), ())
+    corners = np.array([[-0.04, -0.04], [0.04, -0.04], [0.04, 0.04], [-0.04, 0.04]])
+    X_BT, h = SE2(0.3, -0.2, 0.7), 1e-6
+    on_origin, beside = (
+        FlatTag("a", np.column_stack([X.act(corners), np.full(4, 0.12)])) for X in (SE2(), X_BT)
+    )
+    for X_WB in PLACES:
+        X_WT = X_WB @ X_BT
+        of_tag, of_body = model.errors.of(on_origin, X_WT), model.errors.of(beside, X_WB)
+        assert of_tag is not None
+        assert of_body is not None
+        ends = [
+            [(SE2(*(X_WT.as_array() + s * e)) @ X_BT.inverse()).as_array() for e in h * np.eye(3)]
+            for s in (1.0, -1.0)
+        ]
+        J = (np.array(ends[0]) - ends[1]).T / (2.0 * h)
+        for part in ("own", "shared", "held"):
+            found, expected = getattr(of_body, part), J @ getattr(of_tag, part) @ J.T
+            scale = np.sqrt(np.diag(expected))
+            np.testing.assert_allclose(
+                found / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-6
+            )
 
 
 def test_of_what_is_as_designed_there_are_no_errors() -> None:

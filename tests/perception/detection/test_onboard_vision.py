@@ -45,6 +45,10 @@ def test_knowing_nothing_it_looks_at_the_full_frame(
     assert found.windows == (target.camera.frame,)
     assert _ids(found) == target.port_tags
     assert found.exposure == _exposure(1)
+    for tag in found.tags:  # which all who get the message share
+        assert tag.corner_sigma_px is not None
+        assert not tag.corners.flags.writeable
+        assert not tag.corner_sigma_px.flags.writeable
     vague = vision.detect(_exposure(2), _prediction(TRUE, 0.5), fetch)
     assert vague.windows == (target.camera.frame,)
 

@@ -144,6 +144,8 @@ def test_fitting_window_cuts_at_the_border() -> None:
     assert fitting_window(Window(-5, 470, 20, 30), frame) == Window(0, 468, 16, 12)
     assert fitting_window(Window(101, 102, 1, 1), frame) == Window(100, 100, 4, 4)
     assert fitting_window(Window(700, 0, 10, 10), frame) is None
+    part = Window(8, 4, 16, 20)
+    assert fitting_window(Window(0, 0, 30, 30), part) == part
 
 
 def test_a_pose_is_known_when_all_of_it_is() -> None:

@@ -28,11 +28,15 @@ NS = 1_000_000_000
 #: Standard deviations of (x, y, yaw): per frame, and while the body stands.
 FRAME, LASTING = np.array([1e-5, 1e-5, 3e-4]), np.array([1.2e-5, 1.2e-5, 3e-4])
 R = np.diag(FRAME**2 + LASTING**2)
+#: The same variances, with errors of place and yaw that are correlated.
+CORRELATED = np.sqrt(R) @ np.array([[1.0, 0.3, -0.2], [0.3, 1.0, 0.5], [-0.2, 0.5, 1.0]]) @ np.sqrt(R)
+#: A body that does not move unless it drives.
+STILL = replace(NOISE, drift=0.0, turn_drift=0.0, unseen_drift=0.0, unseen_turn_drift=0.0)
 
 
-def seen(stamp_ns: int, X_WB: SE2, error: np.ndarray | None = None) -> SeenPose:
+def seen(stamp_ns: int, X_WB: SE2, error: np.ndarray | None = None, covariance: np.ndarray = R) -> SeenPose:
     x, y, yaw = X_WB.as_array() + (np.zeros(3) if error is None else error)
-    return SeenPose(GlobalPose("c", stamp_ns, SE2(x, y, yaw), R), np.diag(LASTING**2))
+    return SeenPose(GlobalPose("c", stamp_ns, SE2(x, y, yaw), covariance), np.diag(LASTING**2))
 
 
 @dataclass
@@ -79,8 +83,9 @@ class Scene:
 
     def nees(self) -> float:
         assert self.track is not None
-        e = self.error()
-        return float(e @ np.linalg.solve(self.track.pose(self.now_ns, NOISE).covariance, e))
+        e, P = self.error(), self.track.pose(self.now_ns, NOISE).covariance
+        np.testing.assert_allclose(P, P.T, rtol=1e-9, atol=1e-18)
+        return float(e @ np.linalg.solve(P, e))
 
 
 def drives_after(start_s: float, v: float, w: float) -> Callable[[float], Twist]:
@@ -277,19 +282,37 @@ def test_a_body_that_drives_when_it_is_first_seen_is_known_after_three_frames() 
 
 def test_measurements_of_a_body_that_stands_are_averaged_in_any_order() -> None:
     """Without drift n measurements leave R / n and their mean, also across the seam of the angle."""
-    still = TrackNoise(LIMITS, drift=0.0, turn_drift=0.0, unseen_drift=0.0, unseen_turn_drift=0.0)
     here = SE2(1.0, -0.5, 3.1415)
-    errors = np.random.default_rng(8).multivariate_normal(np.zeros(3), R, 20)
-    measurements = [seen(i * NS // 10, here, e) for i, e in enumerate(errors)]
+    errors = np.random.default_rng(8).multivariate_normal(np.zeros(3), CORRELATED, 20)
+    measurements = [seen(i * NS // 10, here, e, CORRELATED) for i, e in enumerate(errors)]
     for order in (range(20), [0, *(1 + np.random.default_rng(2).permutation(19))]):
         track = BodyTrack.at_rest(measurements[0])
         for i in order[1:]:
-            track = track.after(measurements[i], still)
-        np.testing.assert_allclose(track.covariance[:3, :3], R / 20, rtol=1e-9)
-        pose = track.pose(0, still)
+            track = track.after(measurements[i], STILL)
+        np.testing.assert_allclose(track.covariance[:3, :3], CORRELATED / 20, rtol=1e-9)
+        pose = track.pose(0, STILL)
         np.testing.assert_allclose(pose_error(pose.X_WB, here), errors.mean(axis=0), atol=1e-12)
-        np.testing.assert_allclose(pose.covariance, R / 20 + np.diag(LASTING**2), rtol=1e-9)
+        np.testing.assert_allclose(pose.covariance, CORRELATED / 20 + np.diag(LASTING**2), rtol=1e-9)
         assert pose.stamp_ns == track.seen.pose.stamp_ns == 19 * NS // 10
+
+
+def test_what_stayed_the_same_while_a_body_stood_is_an_error_as_it_drives_off() -> None:
+    """To its side, where no acceleration leads, it is known as well as two independent measurements say.
+
+    The second one lies between the gates of a body that stands and of one that sets off.
+    """
+    slow = replace(STILL, limits=LIMITS.model_copy(update={"a_max_mps2": 1e-6, "dw_max_radps2": 1e-6}))
+    track = BodyTrack.at_rest(seen(0, SE2()))
+    for i in range(1, 20):
+        track = track.after(seen(i * NS // 10, SE2()), slow)
+    own, lasting, of_one = R[1, 1] / 20, LASTING[1] ** 2, R[1, 1]
+    gate = chi2.ppf(slow.gate_probability, 3)
+    aside = math.sqrt(gate * (own + of_one + 0.5 * lasting))
+    moved = track.after(seen(2 * NS, SE2(0.0, aside, 0.0)), slow)
+    assert (moved.motion, moved.rejected) == (Motion.DRIVES, 0)
+    assert 1.0 / moved.covariance[1, 1] == pytest.approx(1.0 / (own + lasting) + 1.0 / of_one, rel=1e-6)
+    at_once = moved.pose(2 * NS, slow).covariance
+    np.testing.assert_allclose(at_once, moved.covariance[:3, :3], rtol=1e-6, atol=1e-18)
 
 
 @pytest.mark.parametrize("drives", [False, True])

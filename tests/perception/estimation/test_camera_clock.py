@@ -17,7 +17,9 @@ import pytest
 from scipy.stats import chi2
 
 from msrr_bullet.sensors.wheel_encoders import WheelEncoders
+from msrr_perception.estimation.clock_parts import by_parts
 from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.estimation.motion import FilterState
 from msrr_perception.kernels.calibrated import CLOCK
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
@@ -254,3 +256,29 @@ def test_a_picture_that_is_nearly_too_late_finds_the_readings_about_its_exposure
     assert b is not None
     assert a.X_DU == b.X_DU
     assert np.array_equal(a.covariance, b.covariance)
+
+
+@pytest.mark.parametrize("sigma_s", [0.0101, 0.016, 0.032])
+def test_parts_of_a_doubt_add_up_to_the_state_that_was_cut(sigma_s: float) -> None:
+    """An update that tells nothing changes nothing: the parts are as likely together as the whole.
+
+    They end 2.5 standard deviations away; a normal distribution that is cut there has 9 % less variance.
+    """
+    rng, n, clock = np.random.default_rng(3), 9, 8
+    A = rng.normal(size=(n, n))
+    sigmas = np.array([0.01, 0.01, 0.02, 1e-3, 1e-3, 0.01, 0.01, 0.01, sigma_s])
+    P = A @ A.T
+    P *= np.outer(sigmas, sigmas) / np.sqrt(np.outer(np.diag(P), np.diag(P)))
+    prior = FilterState(0, rng.normal(size=n) * sigmas, P, None, 0, cost=7.0)
+    parts = list[FilterState]()
+
+    def tells_nothing(part: FilterState) -> FilterState:
+        parts.append(part)
+        return part
+
+    found = by_parts(prior, clock, tells_nothing)
+    assert found is not None
+    assert found.cost == pytest.approx(prior.cost)
+    np.testing.assert_allclose(found.mean, prior.mean, atol=1e-12)
+    np.testing.assert_allclose((found.covariance - P) / np.outer(sigmas, sigmas), 0.0, atol=0.09)
+    assert max(math.sqrt(part.covariance[clock, clock]) for part in parts) <= 0.01

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.estimation.motion import FilterState
+from msrr_perception.estimation.wheel_doubt import doubts_wheels
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.messages import WheelOdometry
+from msrr_scenes.messages import NS_PER_S, Detections, Exposure, PoseMeasurement, WheelOdometry
 from msrr_scenes.specs.scene import Scene
 from tests.perception.conftest import Drive
 
@@ -91,3 +93,17 @@ def test_wheels_that_slip_as_assumed_are_not_doubted(careful: Scene) -> None:
                 ekf.add_detections(picture)
         assert (ekf.exposures.without_wheels, ekf.exposures.rejected) == (0, 0)
         assert ekf.exposures.used == ekf.exposures.total > 20
+
+
+def test_wheels_are_doubted_for_a_second_after_they_last_disagreed() -> None:
+    """From the third measurement in a row on; an image ends it that comes more than 0.25 s after the last."""
+    exposure = Exposure("a/onboard", 0, 0)
+    pose, picture = PoseMeasurement(exposure, SE2(), np.eye(3), (None, None)), Detections(exposure, (), ())
+    trusted = FilterState(2 * NS_PER_S, np.zeros(8), np.eye(8), None, last_seen_ns=0)
+    assert [doubts_wheels(trusted, pose, k) for k in (0, 1, 2, 3, 4)] == [False, False, False, True, True]
+    for since_ns, doubts in ((0, True), (NS_PER_S, True), (NS_PER_S + 1, False)):
+        doubted = replace(trusted, doubted_ns=trusted.stamp_ns - since_ns)
+        assert doubts_wheels(doubted, pose, 0) == doubts
+    for since_ns, doubts in ((NS_PER_S // 4, True), (NS_PER_S // 4 + 1, False)):
+        seen = replace(trusted, last_seen_ns=trusted.stamp_ns - since_ns)
+        assert doubts_wheels(seen, picture, 3) == doubts

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from msrr_perception.estimation.body_track import SeenPose, SeenPoses
 from msrr_perception.estimation.global_estimator import GlobalEstimator
 from msrr_perception.pose.corner_errors import corners_by_sections
 from msrr_perception.pose.global_pose import FlatTag
@@ -499,3 +500,15 @@ def test_other_cameras_and_other_wheels_change_nothing(make: Make) -> None:
     arena.estimator.add_odometry(WheelOdometry("b", arena.now_ns, 50.0, -50.0))
     after = arena.estimator.predict(arena.now_ns)
     assert all(before[n].X_WB == after[n].X_WB for n in before)
+
+
+def test_what_lasts_while_a_unit_stands_adds_to_what_its_filter_says(
+    scene: Scene, model: OverheadModel
+) -> None:
+    estimator, lasting = estimator_of(scene, model), 1e-7 * np.diag([1.0, 2.0, 3.0])
+    for k in range(6):
+        pose = GlobalPose("a", k * 100_000_000, SE2(-0.5, 0.1, 0.2), 1e-6 * np.eye(3))
+        estimator.add_seen_poses(SeenPoses(pose.stamp_ns, (SeenPose(pose, lasting),)))
+    told, own = estimator.predict(600_000_000)["a"], estimator._own.predict(600_000_000)
+    assert own is not None
+    np.testing.assert_allclose(told.covariance - own.covariance, lasting, atol=1e-15)

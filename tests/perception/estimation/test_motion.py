@@ -194,8 +194,14 @@ def test_wheels_may_spin_at_the_port_only(target: TargetModel, x: float, grows: 
 
 @pytest.mark.parametrize("x", [-0.5, -0.11])
 @pytest.mark.parametrize("loose", [False, True])
-def test_what_the_encoders_do_not_measure_adds_up_from_its_parts(scene: Scene, x: float, loose: bool) -> None:
-    """One step in a bend, against J Q J^T of independent motions: of wheels, along and across the unit."""
+@pytest.mark.parametrize("turned", [(0.8, 0.5), (-0.8, -0.5), (-0.3, 0.4)])
+def test_what_the_encoders_do_not_measure_adds_up_from_its_parts(
+    scene: Scene, x: float, loose: bool, turned: tuple[float, float]
+) -> None:
+    """One step in a bend, ahead, back, or nearly on the spot, against J Q J^T of independent motions.
+
+    They are those of the wheels, and along and across the unit.
+    """
     built = Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": "careful"})
     target = TargetModel.from_scene(built.told(), built.docks[0])
     backlash, radius = target.tolerances.backlash, target.wheel_radius
@@ -206,19 +212,20 @@ def test_what_the_encoders_do_not_measure_adds_up_from_its_parts(scene: Scene, x
         (OdometrySpec(noise_rad=0.02), noise, 0.0 if loose else 9.0 * backlash),
         (OdometrySpec(noise_rad=0.0), SILENT, 9.0 * backlash),
     ):
-        history = _wheels(*np.array([[0.0, 0.0], [first, first], [first + 0.8, first + 0.5]]).T)
+        before = first * np.sign(turned)
+        history = _wheels(*np.array([[0.0, 0.0], before, before + turned]).T)
         motion = DriveMotion(target, spec, kind)
         state = replace(_start(motion, SE2(x, 0.02, 0.3), history), stamp_ns=TICK_NS, wheels=None)
         after.append(motion.propagate(state, history, 2 * TICK_NS))
     at_port = -x - target.front - target.mechanism.pin_length < noise.contact_zone
     assert at_port == (x > -0.2)
-    d, dt = radius * np.array([0.8, 0.5]), 1e-9 * TICK_NS
+    d, dt = radius * np.abs(turned), 1e-9 * TICK_NS
     wheel = noise.slip**2 + radius * (0.02**2 + 0.5 * backlash * loose) + at_port * noise.contact**2
     across = noise.sideways**2 + at_port * noise.guidance**2
     Q = np.diag([*(wheel * d), across * d.mean(), *[noise.drift**2 * dt] * 2, noise.turn_drift**2 * dt])
     track = target.track
     J = np.array([[0.5, 0.5, 0, 1, 0, 0], [0, 0, 1, 0, 1, 0], [-1 / track, 1 / track, 0, 0, 0, 1]])
-    middle = 0.3 + 0.5 * (d[1] - d[0]) / track
+    middle = 0.3 + 0.5 * radius * (turned[1] - turned[0]) / track
     R = np.array(
         [[math.cos(middle), -math.sin(middle), 0], [math.sin(middle), math.cos(middle), 0], [0, 0, 1]]
     )
@@ -262,10 +269,11 @@ def test_the_rates_about_an_exposure_are_those_of_the_arc_that_is_driven(
     start = _start(motion, SE2(-0.7, 0.1, 0.3), history)
     mean = start.mean.copy()
     mean[target.filter_layout.tags.columns[0, CLOCK]] = late_s
+    mean[5:7] = 0.03, -0.02  # what was learned of the radii
     rates = motion.rates(replace(start, stamp_ns=20 * TICK_NS, mean=mean), history)
 
-    radius, period = target.wheel_radius, 1e-9 * TICK_NS
-    v, w = 0.5 * (left + right) * radius / period, (right - left) * radius / target.track / period
+    by_left, by_right = target.wheel_radius / (1e-9 * TICK_NS) * np.array([1.03 * left, 0.98 * right])
+    v, w = 0.5 * (by_left + by_right), (by_right - by_left) / target.track
     X_stamp, after = SE2(-0.7, 0.1, 0.3), rates.first + rates.step * np.arange(len(rates.way))
     np.testing.assert_allclose(
         [after[0], np.mean(after), after[-1]], -late_s + np.array([-0.03, 0.0, 0.03]), atol=1e-9

@@ -99,6 +99,25 @@ def test_readings_in_any_order_tell_the_same() -> None:
         ]
 
 
+def test_late_readings_tell_the_same_behind_one_that_is_older_than_all_known() -> None:
+    """What turned before it is forgotten; the right wheel turns back at 40 ms, or it is learned at 45 ms."""
+    rows = [(0, 0.0, 0.0), (10, 1.0, 1.0), (20, 1.5, 2.0), (30, 2.0, 3.0), (40, 2.5, 2.5), (50, 3.0, 2.2)]
+    known, older = _history(*rows), _history(*rows)
+    for history in (known, older):
+        history.forget_before(20 * MS)
+    older.add(WheelOdometry("a", 15 * MS, 1.2, 1.5))
+    for history in (known, older):
+        history.add(WheelOdometry("a", 35 * MS, 2.2, 3.2))
+        assert history.newest_stamp(60 * MS) == 50 * MS
+    for t in range(20, 60, 5):
+        assert older.angles_at(t * MS) == known.angles_at(t * MS)
+    older.forget_before(35 * MS)
+    older.add(WheelOdometry("a", 45 * MS, 2.8, 2.6))
+    known.add(WheelOdometry("a", 45 * MS, 2.8, 2.6))
+    for t in range(35, 60, 5):
+        assert older.angles_at(t * MS) == known.angles_at(t * MS)
+
+
 def test_the_way_lists_readings_strictly_between_and_the_end() -> None:
     history = _history((0, 0.0, 0.0), (10, 1.0, 0.0), (20, 2.0, 0.0), (30, 3.0, 0.0))
     assert [w.stamp_ns // MS for w in history.angles_between(0, 25 * MS)] == [10, 20, 25]

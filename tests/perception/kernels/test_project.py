@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 
 from msrr_perception.kernels.project import predict_tags
 from msrr_perception.pose.target import TargetModel
@@ -17,17 +18,21 @@ def _poses(n: int) -> np.ndarray:
     return rng.uniform(lo, hi, (n, 5))
 
 
+@pytest.mark.parametrize("camera", ["target", "leaning"])
 def test_pixels_equal_the_chain_of_frames_and_derivatives_equal_central_differences(
-    target: TargetModel, project: Callable, jacobian: Callable
+    camera: str, project: Callable, jacobian: Callable, request: pytest.FixtureRequest
 ) -> None:
-    points = np.concatenate([target.corners_D[t] for t in target.port_tags])
+    by: TargetModel = request.getfixturevalue(camera)
+    points = np.concatenate([by.corners_D[t] for t in by.port_tags])
     h = 1e-6
     for pose in _poses(50):
-        pixels, J = jacobian(pose, points)
-        np.testing.assert_allclose(pixels.reshape(-1, 2), project(target, pose, points)[1], atol=1e-9)
+        pixels, J = jacobian(pose, points, by)
+        np.testing.assert_allclose(pixels.reshape(-1, 2), project(by, pose, points)[1], atol=1e-9)
         for i in range(5):
             step = h * np.eye(5)[i]
-            numeric = (jacobian(pose + step, points)[0] - jacobian(pose - step, points)[0]) / (2.0 * h)
+            numeric = (jacobian(pose + step, points, by)[0] - jacobian(pose - step, points, by)[0]) / (
+                2.0 * h
+            )
             np.testing.assert_allclose(J[:, i], numeric, rtol=1e-5, atol=1e-3)
 
 

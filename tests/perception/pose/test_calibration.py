@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -98,14 +100,17 @@ def _accelerated() -> Rates:
     return Rates(float(times[0]), 5e-3, way - way[3], velocity)
 
 
-def test_derivatives_are_those_of_the_projection() -> None:
+@pytest.mark.parametrize("leans", [(0.0, 0.0, 0.0), (0.3, -0.2, 0.1)])
+def test_derivatives_are_those_of_the_projection(leans: tuple[float, float, float]) -> None:
+    """For a camera that is level and one that is rolled, pitched and turned, on a pair that is tilted."""
     scene = load_scene("close_range", {"as_built": "careful"})
-    told = TargetModel.from_scene(scene.told(), scene.docks[0])
+    upright = TargetModel.from_scene(scene.told(), scene.docks[0])
+    told = replace(upright, X_UC=upright.X_UC @ SE3.from_xyz_rpy(np.zeros(3), leans))
     layout, rng = told.filter_layout, np.random.default_rng(5)
     rates, h = _accelerated(), 1e-6
     after = np.array([-2e-3, 1e-3, 1e-3, 4e-3])
     state = np.zeros(layout.size)
-    state[:5] = pose_vector(X_DU, 0.01, -0.01)
+    state[:5] = pose_vector(SE2(-0.42, 0.03, 0.4), 0.15, -0.2)
     state[layout.first :] = 0.1 * layout.prior * rng.standard_normal(len(layout.prior))
     for tag, k in layout.index.items():
         J, pixels = np.empty((8, PARAMETERS)), np.empty((3, 8))
@@ -122,6 +127,17 @@ def test_derivatives_are_those_of_the_projection() -> None:
             found = (pixels[1] - pixels[2]) / (2.0 * h)
             # To first order in the angles of the mounts, a few 1e-4 rad here.
             assert np.abs(found - J[:, column]).max() < 0.01 * max(np.abs(found).max(), 1.0), (tag, column)
+
+
+def test_without_errors_a_tag_is_projected_as_by_the_chain_of_frames(
+    leaning: TargetModel, project: Callable
+) -> None:
+    for pitch, roll in ((0.0, 0.0), (0.15, -0.2), (-0.1, 0.25)):
+        state = np.zeros(leaning.filter_layout.size)
+        state[:5] = pose_vector(X_DU, pitch, roll)
+        for tag in leaning.tags:
+            expected = project(leaning, state[:5], leaning.corners_D[tag])[1]
+            np.testing.assert_allclose(_projected(leaning, tag, state)[0], expected, atol=1e-9)
 
 
 def test_a_corner_whose_row_is_exposed_later_is_seen_as_by_a_clock_that_is_behind() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from msrr_perception.kernels.edges import SECTIONS, SQUARES, refine_corners
+from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
 from msrr_perception.pose.corner_errors import CornerErrors, corners_by_sections
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels
@@ -47,6 +48,14 @@ def test_the_corners_move_as_the_lines_through_the_edges_intersect(yaw: float) -
         np.testing.assert_allclose(corners_by_sections(corners) @ drawn.ravel(), moved.ravel(), atol=1e-8)
 
 
+@pytest.mark.parametrize("yaw", [0.0, 0.4, -2.5])
+def test_each_coordinate_of_a_corner_has_the_variance_that_its_edges_give_it(yaw: float) -> None:
+    """Noise of the frame and what lasts are independent, so that their variances add up."""
+    errors, moved = CornerErrors(3.0, 0.8), corners_by_sections(square(42.0, yaw))
+    by_sections = errors.frame_px(42.0) ** 2 + errors.sampling_px(42.0) ** 2 + errors.border_px(42.0) ** 2
+    np.testing.assert_allclose(np.diag(moved @ moved.T) * by_sections, errors.corner_variance(42.0))
+
+
 @pytest.mark.parametrize(("edge_px", "noise"), [(30.0, 2.0), (42.0, 2.0), (42.0, 8.0), (66.0, 8.0)])
 def test_noise_moves_refined_corners_as_much_as_stated(
     edge_px: float, noise: float, warp: Callable[..., Pixels], plate: Callable[[int], Pixels]
@@ -73,6 +82,13 @@ def test_noise_moves_refined_corners_as_much_as_stated(
     per_section = np.sqrt(np.mean(np.square(corners_by_sections(square(edge_px))).sum(axis=1)))
     seen = math.sqrt(float(np.mean(np.square(deviations)))) / per_section
     assert 0.75 < seen / errors.frame_px(edge_px) < 1.25
+
+
+def test_a_deviation_of_corners_that_is_given_takes_the_place_of_all_others() -> None:
+    corners, measured = np.stack([square(30.0).ravel(), square(60.0, 0.4).ravel()]), np.full((2, 4), 5.0)
+    found = variances_of_corners(corners, measured, DataSheet(3.0, 0.8, 200.0, 0.3), 2.0)
+    np.testing.assert_allclose(found.rest, np.full((2, 4), 2.0 * 0.3**2))
+    assert not np.any([found.noise, found.place, found.changing, found.border])
 
 
 def test_blur_first_smoothes_the_pixels_and_then_reaches_beyond_the_sections() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_perception.pose.joint_pose import CornerNoise, joint_fits, joint_pose, one_tag_poses
+from msrr_perception.pose.joint_pose import CornerNoise, joint_fits, joint_pose, largest_tag, one_tag_poses
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import TagDetection
@@ -40,6 +40,20 @@ def test_noiseless_corners_give_the_exact_pose_from_everywhere(target: TargetMod
             pose = joint_pose(target, see(pose_vector(X), tags))
             assert pose is not None
             np.testing.assert_allclose(pose_error(pose.X_DU, X), 0.0, atol=1e-6)
+
+
+def test_the_largest_tag_is_that_of_the_largest_area_however_it_is_turned() -> None:
+    rng, square = np.random.default_rng(4), np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
+    for _ in range(20):
+        tags = []
+        for tag_id, edge_px in enumerate(rng.permutation([30.0, 31.0, 32.0])):
+            c, s = np.cos(turn := rng.uniform(-3.0, 3.0)), np.sin(turn)
+            sheared = np.array([[1.0, rng.uniform(-0.5, 0.5)], [0.0, 1.0]])  # which changes no area
+            corners = edge_px * square @ sheared @ np.array([[c, s], [-s, c]]) + rng.uniform(50.0, 400.0, 2)
+            tags.append((edge_px, TagDetection(tag_id, corners)))
+        assert largest_tag([tag for _, tag in tags]) is max(tags, key=lambda tag: tag[0])[1]
+    low, high = TagDetection(3, 30.0 * square), TagDetection(5, 30.0 * square)
+    assert largest_tag([low, high]) is largest_tag([high, low]) is low
 
 
 def test_a_tilt_beyond_its_prior_is_found_from_three_tags(target: TargetModel, see: See) -> None:

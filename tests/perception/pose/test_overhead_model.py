@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,9 @@ from msrr_bullet.built_poses import obstacle_tag_pose
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.as_built import BuiltTag
 from msrr_scenes.errors import SceneError
+from msrr_scenes.geometry.distortion import Distortion, has_inverse
+from msrr_scenes.geometry.lens import Lens
+from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.specs.scene import Scene
 
@@ -83,3 +87,22 @@ def test_what_cannot_be_located_from_above_is_refused() -> None:
     blind = arena(cameras={})
     with pytest.raises(SceneError, match="no overhead camera"):
         OverheadModel.from_scene(blind, ("a", "b"))
+
+
+@pytest.mark.parametrize("k1", [0.0, -0.1, 0.1])
+def test_the_window_of_a_square_is_the_smallest_that_holds_what_is_seen_of_it(k1: float) -> None:
+    """At the height of the tag of a unit, by a camera that stands beside the origin of the world."""
+    scene = arena(cameras={"overhead": {"x_m": 0.3, "y_m": -0.2}})
+    drawn = OverheadModel.from_scene(scene, ("a", "b"))
+    model = replace(drawn, lens=Lens(drawn.camera, Distortion(k1=k1)))
+    assert has_inverse(model.camera, model.lens.distortion)
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        middle, half_m = rng.uniform([-0.4, -0.6], [1.0, 0.2]), rng.uniform(0.05, 0.2)
+        corners = middle + half_m * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+        points = np.column_stack([corners, np.full(4, model.tags[0].height)])
+        shown = model.lens.distorted(model.camera.project(model.X_WC.inverse().act(points)))
+        assert model.camera.contains(shown).all()
+        assert model.square(middle, half_m, "a") == Window.around(shown, 0.0)
+    for at in ([5.0, -0.2], [12.0, 0.5]):  # where the polynomial of a lens may lead back into the frame
+        assert model.square(np.array(at), 0.1, "a").x >= model.camera.width - 1

@@ -96,10 +96,11 @@ def test_calibration_comes_from_the_own_urdf(scene: Scene, target: TargetModel) 
 def test_a_camera_off_the_middle_of_its_image_at_another_rate_is_told_so(scene: Scene) -> None:
     """What the kernels get: the image of the ideal camera, also counted from the corner of what is shown."""
     told = {"fx_px": 400.0, "fy_px": 400.0, "cx_px": 330.0, "cy_px": 220.0, "k1": -0.1}
-    cameras = {"onboard": {"rate_hz": 12.5, "calibration": told}}
+    cameras = {"onboard": {"rate_hz": 12.5, "latency_ms": 70.0, "calibration": told}}
     other = Scene.model_validate({**scene.model_dump(exclude={"cameras"}), "cameras": cameras})
     target = TargetModel.from_scene(other, other.plan[0])
     assert target.frame_period_s == 0.08
+    assert target.latency_s == pytest.approx(0.07)
     x, y, corner = 330.0, 220.0, target.lens.bounds
     assert corner.x != corner.y
     assert 0 not in (corner.x, corner.y)

@@ -50,9 +50,24 @@ def test_what_is_undistorted_is_shown_where_it_was(lens: Lens) -> None:
 def test_what_the_polynomial_folds_back_into_the_frame_is_not_shown() -> None:
     """r (1 - 0.14 r^2) rises up to r = 1.54 and is zero again at 2.67; the frame reaches to 0.96."""
     lens = Lens(PinholeCamera(640, 480, 417.0), Distortion(k1=-0.14))
-    far = lens.camera.project(np.array([[2.5, 0.0, 1.0], [0.0, 2.6, 1.0]]))
-    assert lens.camera.contains(lens.distorted(far)).all()
+    r, angle = np.meshgrid(np.linspace(1.55, 2.65, 40), np.linspace(-math.pi, math.pi, 72))
+    far = lens.camera.project(np.stack([r * np.cos(angle), r * np.sin(angle), np.ones_like(r)], axis=-1))
+    assert lens.camera.contains(lens.distorted(far)).mean() > 0.4
     assert not lens.shows(far).any()
+
+
+@pytest.mark.parametrize("lens", LENSES, ids=str)
+def test_between_the_inner_bounds_the_frame_shows_all_and_each_of_them_touches_its_border(lens: Lens) -> None:
+    left, right, top, bottom = lens.inner_bounds
+    columns, rows = (np.linspace(a + 0.05, b - 0.05, 200) for a, b in ((left, right), (top, bottom)))
+    assert lens.shows(np.stack(np.meshgrid(columns, rows), axis=-1)).all()
+    along = np.linspace(-200.0, 800.0, 4001)
+    for axis, border, at in ((0, -0.5, left), (0, 639.5, right), (1, -0.5, top), (1, 479.5, bottom)):
+        line = np.full((len(along), 2), at)
+        line[:, 1 - axis] = along
+        shown = lens.distorted(line)
+        of_frame = (shown[:, 1 - axis] >= -0.5) & (shown[:, 1 - axis] <= (479.5, 639.5)[axis])
+        assert np.abs(shown[of_frame, axis] - border).min() < 0.05
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=str)

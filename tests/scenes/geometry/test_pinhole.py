@@ -63,7 +63,28 @@ def test_nothing_behind_or_beside_the_camera_is_seen() -> None:
     assert Lens(CAMERA).sees(points).tolist() == [True, False, False, False, False]
     edge = np.array([639.4, 240.0])
     assert Lens(CAMERA).sees(CAMERA.rays(edge))
-    assert not CAMERA.contains(edge, margin=1.0)
+
+
+def test_the_image_ends_half_a_pixel_beyond_the_middles_of_its_outer_pixels() -> None:
+    for border, outward in (
+        ([-0.5, 100.0], [-1.0, 0.0]),
+        ([639.5, 100.0], [1.0, 0.0]),
+        ([100.0, -0.5], [0.0, -1.0]),
+        ([100.0, 479.5], [0.0, 1.0]),
+    ):
+        assert CAMERA.contains(np.array(border))
+        assert not CAMERA.contains(np.array(border) + 0.125 * np.array(outward))
+
+
+quarters = st.integers(-80, 2640).map(lambda count: 0.25 * count)  # of pixels, which add up without rounding
+
+
+@given(quarters, quarters, st.sampled_from([0.0, 0.25, 20.0, 200.0]))
+def test_a_pixel_is_inside_by_a_margin_if_all_are_that_are_no_farther_from_it(
+    u: float, v: float, margin: float
+) -> None:
+    around = np.array([[u + i * margin, v + j * margin] for i in (-1, 1) for j in (-1, 1)])
+    assert CAMERA.contains(np.array([u, v]), margin) == CAMERA.contains(around).all()
 
 
 @given(windows, windows)

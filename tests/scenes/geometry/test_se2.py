@@ -76,11 +76,13 @@ def test_composition_by_hand() -> None:
 )
 def test_wrap_angle(angle: float, wrapped: float) -> None:
     assert wrap_angle(angle) == pytest.approx(wrapped, abs=1e-12)
+    assert SE2(0.0, 0.0, angle).yaw == wrap_angle(angle)
 
 
 @given(st.floats(-1e4, 1e4))
 def test_wrapped_angles_lie_in_the_half_open_interval(angle: float) -> None:
     wrapped = wrap_angle(angle)
     assert -math.pi < wrapped <= math.pi
+    assert SE2(0.0, 0.0, angle).yaw == wrapped
     assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-9)
     assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-9)
