@@ -293,11 +293,20 @@ def refuse(document: YamlDocument, problems: list[Problem]) -> None:
     """Raise a :class:`SceneError` that lists problems of a document with their places; none is fine."""
     if not problems:
         return
-    unique = list(dict.fromkeys(problems))
-    unique.sort(key=lambda p: p.rank)  # stable: causes before what follows from them
-    lines = [
-        f"{document.origin(p.path)}: {dotted(p.path) or 'the file'}: {p.text}" for p in unique[:MAX_LISTED]
-    ]
-    if len(unique) > MAX_LISTED:
-        lines.append(f"... and {len(unique) - MAX_LISTED} more")
+    alike: dict[tuple[KeyPath, str], list[Problem]] = {}
+    for problem in sorted(dict.fromkeys(problems), key=lambda p: p.rank):  # stable: causes come first
+        alike.setdefault((_of_any_unit(problem.path), problem.text), []).append(problem)
+    lines = []
+    for first, *others in list(alike.values())[:MAX_LISTED]:
+        place = dotted(first.path) or "the file"
+        if others:
+            place += f" and {dotted(others[0].path) if len(others) == 1 else f'{len(others)} more units'}"
+        lines.append(f"{document.origin(first.path)}: {place}: {first.text}")
+    if len(alike) > MAX_LISTED:
+        lines.append(f"... and {len(alike) - MAX_LISTED} more")
     raise SceneError("\n".join(lines))
+
+
+def _of_any_unit(path: KeyPath) -> KeyPath:
+    """Return the path of a description that many units share, without the unit; any other path as it is."""
+    return ("units", *path[2:]) if path[:1] == ("units",) and path[2:3] in (("urdf",), ("frames",)) else path
