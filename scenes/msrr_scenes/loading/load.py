@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -45,6 +45,11 @@ MAX_LISTED = 8
 
 #: Folder of the shipped scene files.
 LIBRARY = library_folder()
+
+#: Keys of the onboard camera that act on the pixels of rendered images alone.
+_OF_PIXELS = frozenset(
+    "noise_grey shot_grey blur_px gain gamma vignetting light_gradient light_gradient_deg jpeg_quality".split()
+)
 
 #: What a file says that a scene names.
 _File = TypeVar("_File", bound=Spec)
@@ -110,7 +115,7 @@ def load_scene(
     _embed_calibrations(document, path.parent)
     _embed_maps(document, path.parent)
     scene = validated(Scene, document).model_copy(update={"source": path.resolve()})
-    refuse(document, _contradictions(scene))
+    refuse(document, [*_contradictions(scene), *_without_effect(scene, overrides)])
     return scene
 
 
@@ -287,6 +292,26 @@ def _contradictions(scene: Scene) -> list[Problem]:
     problems = problems or [problem for unit in scene.units for problem in robot_problems(scene, unit)]
     problems = problems or [*mechanism_problems(scene)]
     return problems or [*geometry_problems(scene), *taken_ends(scene)]
+
+
+def _without_effect(scene: Scene, overrides: Iterable[str]) -> Iterator[Problem]:
+    """Yield the overrides that change nothing: a study of such a value would find that it does not matter.
+
+    What a file says is left alone, for it may be run with either kind of perception.
+    """
+    for key in overrides:
+        section, _, name = key.rpartition(".")
+        if scene.perception == "images" and key.startswith("parametric."):
+            text = (
+                "changes nothing with perception: images; set perception=parametric as well, or leave it out"
+            )
+            yield Problem(tuple(key.split(".")), text)
+        elif scene.perception == "parametric" and section == "cameras.onboard" and name in _OF_PIXELS:
+            text = (
+                "changes nothing with perception: parametric, which has no pixels; set parametric.sigma_xy_m "
+                "and the like, or perception=images"
+            )
+            yield Problem(tuple(key.split(".")), text)
 
 
 def refuse(document: YamlDocument, problems: list[Problem]) -> None:
