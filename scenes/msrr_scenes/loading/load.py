@@ -47,9 +47,10 @@ MAX_LISTED = 8
 LIBRARY = library_folder()
 
 #: Keys of the onboard camera that act on the pixels of rendered images alone.
-_OF_PIXELS = frozenset(
-    "noise_grey shot_grey blur_px gain gamma vignetting light_gradient light_gradient_deg jpeg_quality".split()
-)
+_OF_PIXELS = {
+    *("noise_grey", "shot_grey", "blur_px", "gain", "gamma", "vignetting"),
+    *("light_gradient", "light_gradient_deg", "jpeg_quality"),
+}
 
 #: What a file says that a scene names.
 _File = TypeVar("_File", bound=Spec)
