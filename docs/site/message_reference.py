@@ -22,7 +22,8 @@ _FIRST_LOOK = {
     "jammed": "`msrr plot` shows how far off the axis the unit was, in truth and in its own belief.",
     "not_seated": "`seat_switches.csv` says which side is missing, and `replay.html` shows the last seconds.",
     "lock_failed": "`lock.csv` says when it gave way; compare `lock.strength_n` with `lock.pull_force_n`.",
-    "target_lost": "`msrr frames` shows whether the marker was covered, out of view or not detected.",
+    "target_lost": "`exposures.csv` says whether frames arrived, and `msrr frames` whether the marker was "
+    "covered, out of view or not detected.",
     "gave_up": "The robot's reason names what was not fulfilled; `msrr plot` shows the errors of that time.",
     "never_detected": "`exposures.csv` says whether frames arrived, and `msrr frames` what they show.",
     "blocked": "`replay.html` shows what stands in the way.",
@@ -33,7 +34,7 @@ _FIRST_LOOK = {
     "timeout": "`events.csv` says in which phase the time went; `time_limit_s` is the scene's limit.",
     "program_failed": "The message on the terminal names the class and its error.",
     "false_dock": "`beliefs.csv` beside `truth.csv`; `seat_switches.csv` says whether a switch was wrong.",
-    "false_abort": "The robot's reason; most often it sees itself farther off than the key `verify` accepts.",
+    "false_abort": "The robot's reason; most often it sees itself farther off than `docking.verify` accepts.",
 }
 
 

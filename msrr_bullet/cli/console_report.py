@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rich.table import Table
@@ -149,8 +150,8 @@ def _error(value: float | None, factor: float, unit: str) -> str:
     return _UNKNOWN if value is None else f"off by {factor * value:+z.2f} {unit}"
 
 
-def sweep_table(summary: SweepSummary) -> Table:
-    """Return the table of a sweep."""
+def sweep_table(summary: SweepSummary, overrides: Sequence[str] = ()) -> Table:
+    """Return the table of a sweep; below it stand the values that were set, each ``KEY=VALUE``."""
     kind = f"{summary.plant}, {summary.perception}, {summary.as_built}"
     title = f"{summary.scene}, {counted(summary.trials, 'trial')} ({kind})"
     s = summary.success
@@ -159,7 +160,9 @@ def sweep_table(summary: SweepSummary) -> Table:
     notes = [rate]
     if summary.failures:
         notes.append(_not_successes(len(summary.failures), f"not {goal(summary.mission is not None)}"))
-    caption = "\n".join([*notes, "below median and 95 %: their 95 % confidence intervals"])
+    notes.append("below median and 95 %: their 95 % confidence intervals")
+    notes += [f"--set {value}" for value in overrides]
+    caption = Text("\n".join(notes), "table.caption")
     table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
     table.add_column("")
     for column in ("median", "95 %", "largest"):

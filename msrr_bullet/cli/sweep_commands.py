@@ -179,7 +179,7 @@ def sweep(
             write_outputs([(json_file, summary.to_json), (csv_file, lambda: trials_csv(rows))])
     finally:
         if summary is not None:
-            console.print(sweep_table(summary))
+            console.print(sweep_table(summary, overrides or ()))
     if stopped is not None:
         raise stopped
     _exit(summary)

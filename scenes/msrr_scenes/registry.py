@@ -17,7 +17,10 @@ from msrr_scenes.specs.spec import Choice
 
 T = TypeVar("T")
 
-_HINT = "One of your own is named by its import path, pkg.mod:Class."
+_HINT = (
+    "One of your own is named by its import path, pkg.mod:Class; "
+    "pkg has to be installed, on PYTHONPATH or in the current folder."
+)
 
 
 class ExtensionPoint(Mapping[str, Callable[..., T]]):

@@ -68,7 +68,9 @@ def _draw_strip(axes: Axes, rows: Sequence[Row], measure: Measure, has_targets: 
     axes.set_xlim(1.05 * left, right)
     for i, (row, measured) in enumerate(zip(rows, found, strict=True)):
         if measured is None or not measured.count:
-            axes.text(0.01, i, "no trial has one", transform=axes.get_yaxis_transform(), va="center")
+            white = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}  # lines may be behind
+            across_axes = axes.get_yaxis_transform()
+            axes.text(0.01, i, "no trial has one", transform=across_axes, va="center", bbox=white)
             continue
         colour, marker = controller_style(row.controller)
         values = measure.scale * np.array(measured.values[:_MAX_DOTS])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -45,6 +45,12 @@ MAX_LISTED = 8
 
 #: Folder of the shipped scene files.
 LIBRARY = library_folder()
+
+#: Keys of the onboard camera that act on the pixels of rendered images alone.
+_OF_PIXELS = {
+    *("noise_grey", "shot_grey", "blur_px", "gain", "gamma", "vignetting"),
+    *("light_gradient", "light_gradient_deg", "jpeg_quality"),
+}
 
 #: What a file says that a scene names.
 _File = TypeVar("_File", bound=Spec)
@@ -110,7 +116,7 @@ def load_scene(
     _embed_calibrations(document, path.parent)
     _embed_maps(document, path.parent)
     scene = validated(Scene, document).model_copy(update={"source": path.resolve()})
-    refuse(document, _contradictions(scene))
+    refuse(document, [*_contradictions(scene), *_without_effect(scene, overrides)])
     return scene
 
 
@@ -289,15 +295,44 @@ def _contradictions(scene: Scene) -> list[Problem]:
     return problems or [*geometry_problems(scene), *taken_ends(scene)]
 
 
+def _without_effect(scene: Scene, overrides: Iterable[str]) -> Iterator[Problem]:
+    """Yield the overrides that change nothing: a study of such a value would find that it does not matter.
+
+    What a file says is left alone, for it may be run with either kind of perception.
+    """
+    for key in overrides:
+        section, _, name = key.rpartition(".")
+        if scene.perception == "images" and key.startswith("parametric."):
+            text = (
+                "changes nothing with perception: images; set perception=parametric as well, or leave it out"
+            )
+            yield Problem(tuple(key.split(".")), text)
+        elif scene.perception == "parametric" and section == "cameras.onboard" and name in _OF_PIXELS:
+            text = (
+                "changes nothing with perception: parametric, which has no pixels; set parametric.sigma_xy_m "
+                "and the like, or perception=images"
+            )
+            yield Problem(tuple(key.split(".")), text)
+
+
 def refuse(document: YamlDocument, problems: list[Problem]) -> None:
     """Raise a :class:`SceneError` that lists problems of a document with their places; none is fine."""
     if not problems:
         return
-    unique = list(dict.fromkeys(problems))
-    unique.sort(key=lambda p: p.rank)  # stable: causes before what follows from them
-    lines = [
-        f"{document.origin(p.path)}: {dotted(p.path) or 'the file'}: {p.text}" for p in unique[:MAX_LISTED]
-    ]
-    if len(unique) > MAX_LISTED:
-        lines.append(f"... and {len(unique) - MAX_LISTED} more")
+    alike: dict[tuple[KeyPath, str], list[Problem]] = {}
+    for problem in sorted(dict.fromkeys(problems), key=lambda p: p.rank):  # stable: causes come first
+        alike.setdefault((_of_any_unit(problem.path), problem.text), []).append(problem)
+    lines = []
+    for first, *others in list(alike.values())[:MAX_LISTED]:
+        place = dotted(first.path) or "the file"
+        if others:
+            place += f" and {dotted(others[0].path) if len(others) == 1 else f'{len(others)} more units'}"
+        lines.append(f"{document.origin(first.path)}: {place}: {first.text}")
+    if len(alike) > MAX_LISTED:
+        lines.append(f"... and {len(alike) - MAX_LISTED} more")
     raise SceneError("\n".join(lines))
+
+
+def _of_any_unit(path: KeyPath) -> KeyPath:
+    """Return the path of a description that many units share, without the unit; any other path as it is."""
+    return ("units", *path[2:]) if path[:1] == ("units",) and path[2:3] in (("urdf",), ("frames",)) else path

@@ -147,3 +147,12 @@ class ControlSpec(Spec):
     """Whether commands make up for the errors of wheel radii and track that the estimator has found out."""
     guard: GuardSpec = GuardSpec()
     """Collision monitor."""
+
+    @model_validator(mode="after")
+    def _one_delay_compensation(self) -> ControlSpec:
+        if "delay_compensation" in self.estimator.params:
+            raise ValueError(
+                "delay_compensation is a key of its own, for it holds for every estimator: set "
+                "control.delay_compensation, and take it out of the params of the estimator"
+            )
+        return self

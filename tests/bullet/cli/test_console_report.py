@@ -125,6 +125,14 @@ def test_a_sweep_shows_its_rate_and_what_it_measured(false_dock: TrialResult) ->
     assert "recovery" not in shown  # no trial passed an obstacle
 
 
+def test_a_sweep_shows_what_was_set(false_dock: TrialResult) -> None:
+    """The tables of three controllers over the same scene looked the same."""
+    summary = summarise(load_scene("close_range"), "00ff", "code", [false_dock])
+    shown = text(sweep_table(summary, ["control.docking=c1", "plan=[{unit: a, to: b.rear}]"]))
+    assert "--set control.docking=c1 --set plan=[{unit: a, to: b.rear}]" in shown
+    assert "--set" not in text(sweep_table(summary))
+
+
 def test_a_sweep_shows_the_figures_of_every_step(false_dock: TrialResult) -> None:
     scene = load_scene("three_units")
     shown = text(sweep_table(summarise(scene, "code", [false_dock])))

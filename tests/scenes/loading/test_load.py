@@ -305,6 +305,21 @@ def test_numbers_without_digits_or_with_too_many_are_refused(value: object) -> N
         load_scene("close_range", {"time_limit_s": value})
 
 
+def test_an_override_that_changes_nothing_is_refused(tmp_path: Path) -> None:
+    """A sweep over the noise of the images found that noise does not matter to perception without images."""
+    blind = {"plant": "unicycle", "perception": "parametric"}
+    noise, sigma = {"cameras.onboard.noise_grey": "8"}, {"parametric.sigma_xy_m": "0.02"}
+    with pytest.raises(SceneError, match="noise_grey: changes nothing with perception: parametric"):
+        load_scene("close_range", {**blind, **noise})
+    with pytest.raises(SceneError, match="sigma_xy_m: changes nothing with perception: images"):
+        load_scene("close_range", sigma)
+    load_scene("close_range", noise)
+    load_scene("close_range", {**blind, **sigma, "cameras.onboard.dropout": "0.1"})
+    file = tmp_path / "both.yaml"  # what a file says may be for either perception
+    file.write_text(GOOD + "parametric: {sigma_xy_m: 0.02}\n", encoding="utf-8")
+    load_scene(file)
+
+
 def test_overrides_reach_everything(tmp_path: Path) -> None:
     overrides = {
         "cameras.onboard.noise_grey": "8",

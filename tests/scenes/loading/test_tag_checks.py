@@ -33,6 +33,15 @@ def test_tags_that_cover_each_other_are_named_with_how_far(middle_m: float, over
     assert says in str(caught.value)
 
 
+def test_a_mistake_in_a_description_of_many_units_is_told_once() -> None:
+    """It was told for each of them: 24 lines for eight units of the same URDF."""
+    with pytest.raises(SceneError) as caught:
+        load_scene("assemble_cross", {"tags.side_m": "0.058"})
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 3, lines  # its three ports
+    assert all("units.a.urdf and 7 more units: unit.urdf: tags " in line for line in lines), lines
+
+
 def test_margins_may_share_their_white() -> None:
     load_scene("round_robots", tags(0.0338))
     with pytest.raises(SceneError, match="cover each other"):

@@ -4,6 +4,8 @@ from typing import Any
 
 import pytest
 
+from msrr_scenes.errors import SceneError
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LIMIT_SETTINGS, LimitsSpec
 
@@ -23,3 +25,10 @@ def test_a_setting_fills_in_the_limits_that_are_not_given(setting: str) -> None:
     limits = LimitsSpec.model_validate({"setting": setting, "v_max_mps": 0.2})
     expected = {**LIMIT_SETTINGS[setting], "setting": setting, "v_max_mps": 0.2}
     assert limits.model_dump() == expected
+
+
+def test_delay_compensation_is_no_parameter_of_an_estimator() -> None:
+    """The message was about multiple values for an argument, and did not say what to set instead."""
+    off = {"control.estimator.params.delay_compensation": "false"}
+    with pytest.raises(SceneError, match=r"set control\.delay_compensation, and take it out of the params"):
+        load_scene("close_range", off)
