@@ -127,7 +127,7 @@ def test_a_sweep_shows_its_rate_and_what_it_measured(false_dock: TrialResult) ->
 
 def test_a_sweep_shows_what_was_set(false_dock: TrialResult) -> None:
     """The tables of three controllers over the same scene looked the same."""
-    summary = summarise(load_scene("close_range"), "00ff", "code", [false_dock])
+    summary = summarise(load_scene("close_range"), "code", [false_dock])
     shown = text(sweep_table(summary, ["control.docking=c1", "plan=[{unit: a, to: b.rear}]"]))
     assert "--set control.docking=c1 --set plan=[{unit: a, to: b.rear}]" in shown
     assert "--set" not in text(sweep_table(summary))

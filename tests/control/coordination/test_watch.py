@@ -105,6 +105,7 @@ def test_a_unit_fails_that_could_go_on_and_does_not(
     progress: float, limit: float, moves: bool, heard: bool, fails_s: float
 ) -> None:
     unit, watch = _under_way(progress, limit), Watch(PATIENCE)
+    unit.enters = ("b", "rear")
     stopping = ((0.0, 0.0, 0.0),) if moves else ()
     unit.report = UnitReport("a", 1, 1, 1, progress, UnitMode.STANDING, None, stopping=stopping)
     failed_s = math.inf
