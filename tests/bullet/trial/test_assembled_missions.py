@@ -173,6 +173,15 @@ def test_a_line_becomes_a_tee_and_a_line_again(shipped: Callable[..., Scene]) ->
     assert sum(step.docked for step in result.steps) == 4
 
 
+@pytest.mark.nightly
+def test_no_monitor_holds_badly_built_units_beside_each_other_for_good(shipped: Callable[..., Scene]) -> None:
+    """Two of them came so near that neither was allowed to turn: both had kept the gap of well built ones."""
+    scene = shipped("assemble_cross", {"as_built": "workshop", "perception": "images", "plant": "bullet"})
+    result = Trial(scene, 0).run(900.0)
+    assert result.outcome is Outcome.COMPLETE, result.reason
+    assert sum(step.docked for step in result.steps) == 7
+
+
 STANDS_FAST = """\
 time_limit_s: 60
 arena: {x_m: [-2.2, 2.2], y_m: [-1.7, 1.7]}
