@@ -36,6 +36,8 @@ def test_every_step_has_a_row_with_the_bits_of_its_result(scene: Scene, made_up:
     assert (row["plant"], row["perception"]) == (result.plant, result.perception)
     assert (row["as_built"], row["scene_hash"]) == (result.as_built, result.scene_hash)
     assert float(row["contact_lateral_m"]) == contact.lateral_m
+    signed = float(row["contact_y_m"]), float(row["contact_heading_rad"])
+    assert signed == (contact.port.y_m, contact.port.yaw_rad)
     assert float(row["contact_estimate_error_y_m"]) == error.y_m
     assert (row["tracking_error_m"], row["amplitude_m"], row["recovery_s"]) == ("0.01", "", "2.5")
     assert (row["pull_test_passed"], rows[1]["pull_test_passed"]) == ("", "0")
