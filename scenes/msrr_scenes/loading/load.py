@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import TypeVar
 from xml.etree import ElementTree
 
 from pydantic import ValidationError
@@ -18,8 +18,8 @@ from msrr_scenes.geometry.obj_file import named_by_obj
 from msrr_scenes.geometry.unit_geometry import library_folder
 from msrr_scenes.geometry.urdf_file import elements_with_files, named_file
 from msrr_scenes.loading.as_built_checks import as_built_problems
-from msrr_scenes.loading.calibration_file import read_calibration
 from msrr_scenes.loading.camera_checks import camera_problems
+from msrr_scenes.loading.embedded_files import embed_calibrations, embed_maps
 from msrr_scenes.loading.geometry_checks import geometry_problems
 from msrr_scenes.loading.marker_checks import marker_problems, unit_problem
 from msrr_scenes.loading.mechanism_checks import mechanism_problems
@@ -28,7 +28,6 @@ from msrr_scenes.loading.plan_checks import fault_problems, mission_problems, pl
 from msrr_scenes.loading.problems import KeyPath, Problem, dotted
 from msrr_scenes.loading.reference_checks import port_problems, reference_problems, value_problems
 from msrr_scenes.loading.robot_checks import robot_problems
-from msrr_scenes.loading.tag_map_file import read_tag_map
 from msrr_scenes.loading.validation_errors import explain
 from msrr_scenes.loading.yaml_document import (
     YamlDocument,
@@ -52,8 +51,8 @@ _OF_PIXELS = {
     *("light_gradient", "light_gradient_deg", "jpeg_quality"),
 }
 
-#: What a file says that a scene names.
-_File = TypeVar("_File", bound=Spec)
+#: What a document specifies.
+_Kind = TypeVar("_Kind", bound=Spec)
 
 _NONE: Mapping[str, object] = MappingProxyType({})
 
@@ -113,8 +112,8 @@ def load_scene(
     if "source" in document.data:
         raise SceneError(f"{document.origin(('source',))}: source: unknown key; it is set by the program")
     document.data.setdefault("name", plain_name(path.stem))
-    _embed_calibrations(document, path.parent)
-    _embed_maps(document, path.parent)
+    embed_calibrations(document, path.parent)
+    embed_maps(document, path.parent)
     scene = validated(Scene, document).model_copy(update={"source": path.resolve()})
     refuse(document, [*_contradictions(scene), *_without_effect(scene, overrides)])
     return scene
@@ -181,73 +180,7 @@ def _files_of(urdf: Path) -> list[Path]:
     return [urdf, *files, *(p for mesh in meshes for p in named_by_obj(mesh))]
 
 
-def _embed_calibrations(document: YamlDocument, beside: Path) -> None:
-    """Replace the names of calibration files of the cameras of a scene by what they say."""
-    cameras = document.data.get("cameras")
-    for name in cameras if isinstance(cameras, dict) else ():
-        embed_file(document, ("cameras", name, "calibration"), beside, read_calibration)
-
-
-def embed_file(document: YamlDocument, path: KeyPath, beside: Path, read: Callable[[Path], Spec]) -> None:
-    """Replace the name of a file in a document by what the file says, so that a log needs none of them.
-
-    Args:
-        document: The document; it may have something else at the path, or nothing.
-        path: Key path of the name.
-        beside: Folder of the document, which is searched before the working folder.
-        read: Reads the file.
-
-    Raises:
-        SceneError: The file is in neither folder, or cannot be used.
-    """
-    holder: Any = document.data
-    for key in path[:-1]:
-        holder = holder.get(key) if isinstance(holder, dict) else None
-    named = holder.get(path[-1]) if isinstance(holder, dict) else None
-    if isinstance(named, str):
-        holder[path[-1]] = _embedded(document, path, named, beside, read).model_dump()
-
-
-def _embed_maps(document: YamlDocument, beside: Path) -> None:
-    """Replace the names of maps of markers by what they say of places, so that a log needs none of them.
-
-    Raises:
-        SceneError: A file is neither beside the scene nor in the working folder, or is no map.
-    """
-    units = document.data.get("units")
-    for unit, spec in units.items() if isinstance(units, dict) else ():
-        markers = spec.get("markers") if isinstance(spec, dict) else None
-        if not isinstance(markers, dict):
-            continue
-        for port, marker in markers.items():
-            if isinstance(marker, str):
-                markers[port] = {"map": marker}
-            named = markers[port].get("map") if isinstance(markers[port], dict) else None
-            if isinstance(named, str):
-                found = _embedded(document, ("units", unit, "markers", port), named, beside, read_tag_map)
-                # What a scene does not use must not change its digest.
-                unused = {"tags": {"__all__": {"covariance", "pictures"}}}
-                markers[port]["map"] = found.model_dump(exclude=unused)
-
-
-def _embedded(
-    document: YamlDocument, key: KeyPath, named: str, beside: Path, read: Callable[[Path], _File]
-) -> _File:
-    """Return what a file says that a scene names."""
-    place = f"{document.origin(key)}: {dotted(key)}"
-    try:
-        file = next((path for path in (beside / named, Path(named)) if path.is_file()), None)
-    except OSError as error:  # such as a name that is too long, or a folder that may not be entered
-        raise SceneError(f"{place}: {named[:80]!r} cannot be read: {error.strerror}") from None
-    if file is None:
-        raise SceneError(f"{place}: no file {named!r} beside the file or in the working folder")
-    try:
-        return read(file)
-    except SceneError as error:
-        raise SceneError(f"{place}: {error}") from None
-
-
-def validated(kind: type[_File], document: YamlDocument) -> _File:
+def validated(kind: type[_Kind], document: YamlDocument) -> _Kind:
     """Return what a document specifies.
 
     Raises:
