@@ -106,10 +106,10 @@ class RouteFinder:
         X_WU, obstacles = request.X_WU, request.obstacles
         ways = [0.0]
         if any(self._is_beside(X_WU, other) for other in request.others):
-            may_drive = partial(self._planner.may_drive_ahead, X_WU, obstacles)
+            may_drive = partial(self._planner.margins.may_drive_ahead, X_WU, obstacles)
             ways += takewhile(may_drive, _AHEAD_M)
         for discs in ((), self._discs(request)):
-            way = self._planner.way_to_turn(ArenaMap(X_WU, X_WU, discs, obstacles), self.body.radius)
+            way = self._planner.margins.way_to_turn(ArenaMap(X_WU, X_WU, discs, obstacles), self.body.radius)
             if way is not None and way not in ways and (way < 0.0 or not discs):
                 ways.append(way)
         return ways

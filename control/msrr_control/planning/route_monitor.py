@@ -102,7 +102,7 @@ class RouteMonitor:
         """Return whether another unit stands on the rest of the path."""
         stations, points = self.route.path.sample(0.04)
         everywhere = (-math.inf, math.inf, -math.inf, math.inf)
-        space = FreeSpace(everywhere, (self._planner.unit_disc(unit),))
+        space = FreeSpace(everywhere, (self._planner.margins.unit_disc(unit),))
         return space.opened_at(arena.X_WU.x, arena.X_WU.y).deepest_disc(points[stations >= s]) is not None
 
     def wall(self, arena: ArenaMap, tip: Array, s: float) -> tuple[SideWall, str | None]:
@@ -120,7 +120,7 @@ class RouteMonitor:
                 np.asarray(known.side),
                 tip,
                 obstacle.X_WB.translation,
-                np.asarray(planner.obstacle_disc(obstacle).radius),
+                np.asarray(planner.margins.obstacle_disc(obstacle).radius),
                 planner.walls,
                 planner.offset,
             )

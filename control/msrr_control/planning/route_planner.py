@@ -11,21 +11,15 @@ import numpy as np
 from msrr_control.path_following.path import PaceSpec, Path
 from msrr_control.path_following.walls import Encounter, WallSpec, find_encounter
 from msrr_control.planning.free_space import Disc, FreeSpace
+from msrr_control.planning.margins import SPACING_M, Margins
 from msrr_control.planning.route import ARENA_BORDER, ArenaMap, Route, RouteSpec
 from msrr_control.planning.tangents import Goal, shortest_path
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import ObstacleEstimate
 
-#: Distance between the points of a path that are checked for being free [m].
-_SPACING_M = 0.04
-
 #: Curvature below which the circle to the docking axis is a line [1/m]; but for rounding, both end alike.
 _LEAST_CURVATURE = 1e-9
-
-#: Ways straight back and ahead that are tried where a unit has no room to turn on the spot [m]. Back comes
-#: first: the unit has most probably come from there.
-_STRAIGHT_M = (0.0, *(sign * 0.05 * n for n in range(1, 11) for sign in (-1.0, 1.0)))
 
 
 class RoutePlanner:
@@ -39,6 +33,7 @@ class RoutePlanner:
         spec: Shape of the routes.
         walls: When walls stand, and how far from obstacles.
         offset: l [m].
+        margins: How far the unit keeps from everything, by these.
     """
 
     def __init__(
@@ -64,10 +59,8 @@ class RoutePlanner:
         """
         self._border = border
         self.spec, self.walls, self._pace = spec, walls, pace
-        x0, x1, y0, y1 = box
-        b = spec.border_m
-        self._box = (x0 + b, x1 - b, y0 + b, y1 - b)
-        self.offset, self._half_width = offset, body_half_width
+        self.offset = offset
+        self.margins = Margins(spec, walls, box, offset, body_half_width)
 
     def plan(self, arena: ArenaMap, caution: int = 0) -> Route | None:
         """Return the best route from where the unit stands, None if there is none.
@@ -89,34 +82,6 @@ class RoutePlanner:
             routes = [*self._arcs(arena, self.spec.short_lead_in_m)][:1]
         return min(routes, key=lambda r: r.seconds) if routes else None
 
-    def may_drive_ahead(self, X_WU: SE2, obstacles: Iterable[ObstacleEstimate], distance: float) -> bool:
-        """Return whether border and obstacles let a unit drive straight ahead by ``distance`` [m]."""
-        ahead = np.linspace(0.0, self.offset + distance, 2 + math.ceil(distance / _SPACING_M))
-        space = FreeSpace(self._box, tuple(map(self.obstacle_disc, obstacles))).opened_at(X_WU.x, X_WU.y)
-        return space.allows(X_WU.act(np.stack([ahead, np.zeros_like(ahead)], axis=-1)))
-
-    def way_to_turn(self, arena: ArenaMap, radius: float) -> float | None:
-        """Return the shortest way straight to where the unit may turn on the spot: back < 0, ahead > 0 [m].
-
-        Args:
-            arena: What is known.
-            radius: Radius of the circle that the unit covers when it turns on the spot [m].
-
-        Returns:
-            0 where the unit may turn already; None if no place within reach lets it turn.
-        """
-        bodies = (*arena.units, *(Disc(o.name, o.X_WB.x, o.X_WB.y, o.radius) for o in arena.obstacles))
-        beside, around = (
-            FreeSpace(self._box, tuple(b._replace(radius=b.radius + reach) for b in bodies))
-            for reach in (self._half_width + self.walls.margin_m, radius + self.walls.margin_m)
-        )
-        beside = beside.opened_at(arena.X_WU.x, arena.X_WU.y)
-        for distance in _STRAIGHT_M:
-            way = arena.X_WU.act(np.stack([np.linspace(0.0, distance, 10), np.zeros(10)], axis=-1))
-            if around.allows(way[-1:]) and beside.allows(way):
-                return distance
-        return None
-
     def obstruction(self, arena: ArenaMap, end: str = "the place in front of the port") -> str:
         """Return what leaves no route: the border if it alone leaves none, else a body.
 
@@ -131,7 +96,7 @@ class RoutePlanner:
         if self.plan(arena._replace(units=target, obstacles=())) is None:
             return f"{self._border} leaves no room to turn before {end}"
         alone = [name for name, others in _without_one(arena, target) if self.plan(others) is not None]
-        space = self._free_space(arena, map(self.obstacle_disc, arena.obstacles))
+        space = self.margins.free_space(arena, map(self.margins.obstacle_disc, arena.obstacles))
         place = self.spec.handover(arena.X_WD).translation
         for points, where in (
             (place[None], f"on {end}"),
@@ -143,24 +108,6 @@ class RoutePlanner:
         if alone:
             return f"{alone[0]} stands in every way to {end}"
         return f"what stands in the arena leaves no room to turn before {end}"
-
-    def unit_disc(self, disc: Disc) -> Disc:
-        """Return the disc that the controlled point keeps out of because of another unit."""
-        return disc._replace(radius=disc.radius + self._half_width + self.spec.unit_margin_m)
-
-    def obstacle_disc(self, obstacle: ObstacleEstimate) -> Disc:
-        """Return the disc that the controlled point keeps out of when it drives past an obstacle."""
-        radius = obstacle.radius + self._half_width + self.walls.margin_m
-        return Disc(obstacle.name, obstacle.X_WB.x, obstacle.X_WB.y, radius)
-
-    def _around_disc(self, obstacle: ObstacleEstimate, margin: float) -> Disc:
-        """Return the disc that the controlled point keeps out of when it drives around an obstacle.
-
-        While the controlled point drives an arc of radius R, the axle, l behind it, cuts the corner: it
-        drives one of radius sqrt(R^2 - l^2).
-        """
-        disc = self.obstacle_disc(obstacle)
-        return disc._replace(radius=math.hypot(disc.radius + margin, self.offset))
 
     def passing_side(
         self,
@@ -183,7 +130,7 @@ class RoutePlanner:
             The encounter, and the side: -1 right, +1 left, None if the path is free or no wall is possible.
         """
         centre = obstacle.X_WB.translation
-        half_width = self.obstacle_disc(obstacle).radius
+        half_width = self.margins.obstacle_disc(obstacle).radius
         encounter = find_encounter(path, centre, np.asarray(half_width), self.walls)
         if not bool(encounter.blocked):
             return encounter, None
@@ -207,20 +154,15 @@ class RoutePlanner:
         outward = side * np.array([-forward[1], forward[0]])
         along = np.linspace(-0.5 * self.walls.ahead_m, 2.0 * self.walls.release_m(self.offset), 12)
         lane = centre + (half_width + 0.02) * outward + along[:, None] * forward
-        others = [self.obstacle_disc(o) for o in arena.obstacles if o.name != name]
-        return self._free_space(arena, others).allows(lane)
-
-    def _free_space(self, arena: ArenaMap, obstacles: Iterable[Disc] = ()) -> FreeSpace:
-        """Return the space without the discs of the other units and of the given obstacles."""
-        discs = (*map(self.unit_disc, arena.units), *obstacles)
-        return FreeSpace(self._box, discs).opened_at(arena.X_WU.x, arena.X_WU.y)
+        others = [self.margins.obstacle_disc(o) for o in arena.obstacles if o.name != name]
+        return self.margins.free_space(arena, others).allows(lane)
 
     def _arcs(self, arena: ArenaMap, lead_ins: Iterable[float]) -> Iterator[Route]:
         """Yield routes of one circle and a lead-in, with obstacles left to walls."""
-        space = self._free_space(arena)
+        space = self.margins.free_space(arena)
         for lead_in in lead_ins:
             path = self._arc_path(arena, lead_in)
-            if path is None or not space.allows(path.sample(_SPACING_M)[1]):
+            if path is None or not space.allows(path.sample(SPACING_M)[1]):
                 continue
             sides: dict[str, float] = {}
             stations: list[float] = []
@@ -260,7 +202,7 @@ class RoutePlanner:
 
     def _routes_around(self, arena: ArenaMap, margin: float) -> Iterator[Route]:
         """Yield routes of lines and arcs around everything, one for each lead-in that allows one."""
-        space = self._free_space(arena, [self._around_disc(o, margin) for o in arena.obstacles])
+        space = self.margins.free_space(arena, [self.margins.around_disc(o, margin) for o in arena.obstacles])
         end = self.spec.handover(arena.X_WD)
         for lead_in in self.spec.lead_in_m:
             X_WL = end @ SE2(-lead_in, 0.0, 0.0)
@@ -274,7 +216,7 @@ class RoutePlanner:
 
     def _staged_routes(self, arena: ArenaMap, margin: float) -> Iterator[Route]:
         """Yield routes to a place on the docking axis where the unit turns on the spot."""
-        space = self._free_space(arena, [self._around_disc(o, margin) for o in arena.obstacles])
+        space = self.margins.free_space(arena, [self.margins.around_disc(o, margin) for o in arena.obstacles])
         end = self.spec.handover(arena.X_WD)
         for distance in self.spec.stage_m:
             X_WP = end @ SE2(-distance - self.offset, 0.0, 0.0)
@@ -296,7 +238,7 @@ class RoutePlanner:
         if shortest is None:
             return None
         path = Path(shortest.start, np.append(shortest.curvature, 0.0), np.append(shortest.lengths, straight))
-        return path if space.allows(path.sample(_SPACING_M)[1]) else None
+        return path if space.allows(path.sample(SPACING_M)[1]) else None
 
     def _route(
         self,

@@ -237,7 +237,7 @@ class LongDistanceAssembler(Generic[State]):
     def _clear(self, observation: Observation, arena: ArenaMap) -> _Decision:
         """Drive straight, back or ahead, to where there is room to turn on the spot."""
         if self._straight is None:
-            way = self._planner.way_to_turn(arena, self._setup.unit_radius[self._setup.unit])
+            way = self._planner.margins.way_to_turn(arena, self._setup.unit_radius[self._setup.unit])
             self._straight = StraightDrive(arena.X_WU, way or 0.0)
         twist = self._straight.step(arena.X_WU, self._setup.limits)
         if twist is None or self._time_in_state(observation.now_ns) > self._straight.longest_s:

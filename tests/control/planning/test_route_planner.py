@@ -223,7 +223,7 @@ def test_it_drives_straight_to_where_it_can_turn(seed: int) -> None:
     X_WU = SE2(*rng.uniform([-0.3, -0.3, -3.1], [0.3, 0.3, 3.1]))
     bearing, apart, radius = rng.uniform(-math.pi, math.pi), 0.28, 0.3
     post = X_WU.translation + apart * np.array([math.cos(bearing), math.sin(bearing)])
-    way = PLANNER.way_to_turn(_arena(X_WU, _obstacle("o", *post.tolist(), radius=0.05)), radius)
+    way = PLANNER.margins.way_to_turn(_arena(X_WU, _obstacle("o", *post.tolist(), radius=0.05)), radius)
     assert way is not None
     assert way != 0.0
     passed = X_WU.act(np.stack([np.linspace(0.0, way, 100), np.zeros(100)], axis=-1))
@@ -234,6 +234,6 @@ def test_it_drives_straight_to_where_it_can_turn(seed: int) -> None:
 
 def test_it_turns_where_it_stands_if_it_can_and_nowhere_without_room() -> None:
     free, fence = _arena(SE2(0.0, 0.0, 1.0)), np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)
-    assert PLANNER.way_to_turn(free, 0.3) == 0.0
+    assert PLANNER.margins.way_to_turn(free, 0.3) == 0.0
     posts = [_obstacle(f"o{k}", 0.3 * math.cos(a), 0.3 * math.sin(a), 0.05) for k, a in enumerate(fence)]
-    assert PLANNER.way_to_turn(_arena(SE2(0.0, 0.0, 1.0), *posts), 0.3) is None
+    assert PLANNER.margins.way_to_turn(_arena(SE2(0.0, 0.0, 1.0), *posts), 0.3) is None
