@@ -5,7 +5,9 @@ from __future__ import annotations
 import gc
 import importlib.util
 import os
-from collections.abc import Callable, Mapping
+import resource
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -57,6 +59,22 @@ def shipped() -> ShippedScene:
         return load_scene(name, {**RENDERING, **CALIBRATION, **(BLIND if blind else {}), **(overrides or {})})
 
     return load
+
+
+@pytest.fixture
+def room() -> Callable[[int], AbstractContextManager[None]]:
+    """Bound the size of files [bytes] for the duration of a ``with`` block, as a disk that gets full does."""
+
+    @contextmanager
+    def bounded(size: int) -> Iterator[None]:
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    return bounded
 
 
 @cache

@@ -235,9 +235,6 @@ def write_text(file: Path, text: str) -> None:
         SceneError: It cannot be written; the message names it, which the error of a full disk does not.
     """
     try:
-        if file.exists() and not file.is_file():  # a device or a pipe
-            file.write_text(text, encoding="utf-8")
-        else:
-            write_whole(file.resolve(), text)
+        write_whole(file, text)
     except OSError as error:
         raise SceneError(f"{file}: cannot be written ({error.strerror})") from None

@@ -24,6 +24,7 @@ from msrr_bullet.studies.settings import STANDARD
 from msrr_bullet.studies.tuned_controller import tuned_choice
 from msrr_bullet.sweep.worker_pool import SpawnedPool
 from msrr_scenes.specs.spec import Choice
+from msrr_scenes.whole_files import write_whole
 
 #: The laws in the order in which they are shown, by phase.
 _LAWS: dict[Part, tuple[str, ...]] = {
@@ -112,7 +113,7 @@ def joined(parts: list[Reproduction]) -> Reproduction:
 
 def write_all(results: Reproduction, out: Path) -> Path:
     """Write figures, JSON and report; return the report's path."""
-    (out / "reproduction.json").write_text(results.to_json(), encoding="utf-8")
+    write_whole(out / "reproduction.json", results.to_json())
     figures: dict[str, Path] = {}
     for table in results.tables:
         figures[strip_title(table)] = draw_strips(table, out / _file(strip_title(table)))

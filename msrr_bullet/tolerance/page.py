@@ -16,6 +16,7 @@ from msrr_bullet.tolerance.model import ToleranceStudy
 from msrr_bullet.tolerance.threshold_search import RESOLUTION
 from msrr_bullet.tolerance.tornado_plot import draw_tornado
 from msrr_bullet.tolerance.trial_plan import REQUIRED
+from msrr_scenes.whole_files import write_whole
 
 
 def write_study(study: ToleranceStudy, folder: Path) -> Path:
@@ -28,7 +29,7 @@ def write_study(study: ToleranceStudy, folder: Path) -> Path:
     Returns:
         The page, which needs neither the other files nor a network.
     """
-    (folder / "tolerance.json").write_text(study.to_json(), encoding="utf-8")
+    write_whole(folder / "tolerance.json", study.to_json())
     light = draw_tornado(study, folder / "tornado.png")
     dark = draw_tornado(study, folder / "tornado-dark.png", dark=True)
     environment = Environment(
@@ -51,5 +52,5 @@ def write_study(study: ToleranceStudy, folder: Path) -> Path:
         needed=next(n for n in count(1) if wilson(n, n).low >= REQUIRED),
     )
     path = folder / "tolerance.html"
-    path.write_text(page, encoding="utf-8")
+    write_whole(path, page)
     return path

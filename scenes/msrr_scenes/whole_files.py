@@ -27,9 +27,15 @@ def put_in_place(part: Path, file: Path) -> None:
 def write_whole(file: Path, text: str) -> None:
     """Write a text file in UTF-8; an older one of that name is lost only when the new one is whole.
 
+    A link leads to the file that is written, and a device or a pipe is written as it is.
+
     Raises:
         OSError: It cannot be written. That of a full disk does not name it.
     """
+    file = file.resolve()
+    if file.exists() and not file.is_file():
+        file.write_text(text, encoding="utf-8")
+        return
     part = part_of(file)
     try:
         part.write_text(text, encoding="utf-8")

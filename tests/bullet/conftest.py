@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import resource
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -392,19 +391,3 @@ def line_run(line_of_three: Path, tmp_path_factory: pytest.TempPathFactory) -> P
 def line_log(line_run: Path) -> Log:
     """Log of ``line_run``."""
     return read_log(line_run)
-
-
-@pytest.fixture
-def room() -> Callable[[int], AbstractContextManager[None]]:
-    """Bound the size of files [bytes] for the duration of a ``with`` block, as a disk that gets full does."""
-
-    @contextmanager
-    def bounded(size: int) -> Iterator[None]:
-        before = resource.getrlimit(resource.RLIMIT_FSIZE)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-        try:
-            yield
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-    return bounded

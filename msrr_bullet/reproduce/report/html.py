@@ -16,6 +16,7 @@ from msrr_bullet.reproduce.report.gain_delay_findings import DOCKS, map_text
 from msrr_bullet.reproduce.report.ranking import COLUMNS, default_controller_text, ranking
 from msrr_bullet.studies.labels import C2, C2_NOTE
 from msrr_bullet.studies.model import Reproduction, Table
+from msrr_scenes.whole_files import write_whole
 
 
 def write_report(results: Reproduction, figures: Mapping[str, Path], path: Path) -> Path:
@@ -60,7 +61,7 @@ def write_report(results: Reproduction, figures: Mapping[str, Path], path: Path)
         ranking=ranking(results),
         map_text=map_text(results),
     )
-    path.write_text(page, encoding="utf-8")
+    write_whole(path, page)
     return path
 
 

@@ -23,6 +23,7 @@ from msrr_scenes.loading.problems import dotted
 from msrr_scenes.loading.yaml_document import YamlDocument, parse_document, read_text
 from msrr_scenes.specs.sensors import CalibrationSpec
 from msrr_scenes.specs.spec import FileName, Spec, between
+from msrr_scenes.whole_files import write_whole
 
 #: Name of the model of Brown and Conrady in ROS; OpenCV names none.
 _MODEL = "plumb_bob"
@@ -123,7 +124,7 @@ def write_calibration(path: Path, told: CalibrationSpec, form: Literal["ros", "o
         "distortion_coefficients": (1, len(coefficients), coefficients),
     }
     text = _opencv_text(head, matrices) if form == "opencv" else _ros_text(head, matrices)
-    path.write_text(text, encoding="utf-8")
+    write_whole(path, text)
 
 
 def _opencv_text(head: dict[str, int], matrices: dict[str, tuple[int, int, list[float]]]) -> str:

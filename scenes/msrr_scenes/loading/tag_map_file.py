@@ -11,6 +11,7 @@ from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.problems import dotted
 from msrr_scenes.loading.yaml_document import parse_document, read_text
 from msrr_scenes.specs.tag_map import TagMapSpec
+from msrr_scenes.whole_files import write_whole
 
 
 def read_tag_map(path: Path) -> TagMapSpec:
@@ -32,6 +33,4 @@ def read_tag_map(path: Path) -> TagMapSpec:
 def write_tag_map(path: Path, tag_map: TagMapSpec) -> None:
     """Write a map of tags as :func:`read_tag_map` reads it."""
     data = tag_map.model_dump(mode="json")
-    path.write_text(
-        yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110), encoding="utf-8"
-    )
+    write_whole(path, yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110))
