@@ -51,6 +51,8 @@ class Interlock:
             limit = self._limit_by(other, unit, track, units)
             if limit < free:
                 free, blocker = limit, other.name
+        if unit.unlocks and free < track.legs[0].end:
+            free = -1.0  # the unit leaves its port only when all of that leg is free
         if unit.enters is not None and free >= track.dock_start and (free < track.length or not parent_holds):
             if free >= track.length:
                 blocker = unit.enters[0]

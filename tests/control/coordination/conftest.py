@@ -170,7 +170,8 @@ class ToyUnit:
         if newest is None or self.track is None:
             return
         if self.holder is not None:
-            if not newest.unlock or self.progress > 0.0 or newest.limit < 0.0:
+            backwards = newest.legs[0].end if newest.legs else 0.0  # the way out of the port, in one go
+            if not newest.unlock or self.progress > 0.0 or newest.limit < backwards - 1e-9:
                 return
             self.waited_s += dt
             if self.waited_s < UNLOCK_S:

@@ -1,0 +1,42 @@
+"""The interlock grants no ground that is of no use to a unit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from msrr_control.coordination.interlock import Interlock
+from msrr_control.coordination.knowledge import Knowledge
+from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.track import Track, TrackBuilder
+from msrr_control.path_following.path import Path
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages.coordination import UnitState
+
+
+def _under_way(name: str, track: Track, order: int, holder: tuple[str, str] | None = None) -> UnitRecord:
+    X_WU = SE2(*track.poses[0].tolist())
+    unit = UnitRecord(name, X_WU, state=UnitState.UNDER_WAY, order=order, track=track)
+    unit.holder, unit.unlocks = holder, holder is not None
+    return unit
+
+
+def test_a_unit_is_let_out_of_its_port_only_when_it_can_leave_it_whole(knowledge: Knowledge) -> None:
+    """It does not set off for a part of the way: said to be free to go, it counted as failed 30 s later."""
+    body, interlock = knowledge.lanes.body, Interlock(knowledge.lanes.body)
+    out = TrackBuilder(SE2(0.2, 0.0, 0.0), body.offset)
+    out.back(0.3)
+    out.turn_to(1.5)
+    leaves = _under_way("leaves", out.track(), 2, holder=("root", "rear"))
+    across = TrackBuilder(SE2(-0.3, -0.4, 0.5 * np.pi), body.offset)
+    across.follow(Path(across.pose.as_array(), np.zeros(1), np.array([1.2 + body.offset])))
+    passes = _under_way("passes", across.track(), 1)
+    units = [leaves, passes, UnitRecord("root", SE2(0.45, 0.0, 0.0), state=UnitState.DOCKED)]
+    needed = interlock.needed(passes, leaves)
+    back = leaves.track.legs[0].end
+    assert np.isneginf(needed[leaves.track.s < 0.1]).all(), "a part of the way out is free"
+    assert not np.isneginf(needed[leaves.track.s <= back]).all(), "and a part is not"
+    interlock.extend(leaves, units)
+    assert (leaves.limit, leaves.blocked_by) == (-1.0, "passes")
+    passes.progress = passes.track.length
+    interlock.extend(leaves, units)
+    assert leaves.limit == leaves.track.length
