@@ -165,7 +165,7 @@ class Coordinator:
     def _release(self, now_ns: int) -> None:
         """Take the routes from units that stand and cannot go on."""
         quiet = self._watch.nobody_moves(self._units.values(), now_ns)
-        released = False
+        hindered = False
         for unit in list(self._units.values()):
             in_lane = self._dispatcher.ahead_in_lane(unit)
             held = self._recall.has_stopped(unit, now_ns, in_lane is not None)
@@ -187,8 +187,11 @@ class Coordinator:
                 unit.stand_down()
             elif held:
                 unit.track = None  # its authority must not be renewed: it reaches further than the unit came
-            released = self._changed = True
-        if released:
+            self._changed = True
+            self._watch.restart(now_ns)
+            # What a unit loses its route for by another task was counted then: many may wait for one task.
+            hindered |= lost is None
+        if hindered:
             self._plan_anew(now_ns)
 
     def _plan_anew(self, now_ns: int) -> None:

@@ -571,6 +571,23 @@ def test_a_move_that_never_ends_where_it_should_is_given_up(rig: type[Rig]) -> N
     assert f"a: routes were planned anew {status.replans} times" in status.reason
 
 
+def test_a_root_that_misses_its_place_once_costs_one_plan_however_many_wait_for_it(
+    rig: type[Rig], starts: Starts
+) -> None:
+    """Each route that ended for the want of it was counted: of sixteen units the mission was given up."""
+    shape = build_pattern("cross", 6)
+    run = rig(Mission(shape=shape), starts(3, 6))
+    _run_until(run, lambda: any(unit.task == "p0" for unit in run.status.units))
+    root = next(unit.unit for unit in run.status.units if unit.task == "p0")
+    run.units[root].slips_m = 0.04
+    _run_until(run, lambda: run.status.replans > 0)
+    run.units[root].slips_m = 0.0
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.is_built(shape)
+    assert status.replans == 1
+
+
 def test_of_two_that_want_one_port_one_is_refused_with_the_reason(rig: type[Rig]) -> None:
     steps = [DockStep(unit=unit, to="b.rear", after=()) for unit in "ac"]
     starts = {"b": SE2(0.8, 0.0, 0.0), "a": SE2(-1.0, 0.7, 0.0), "c": SE2(-1.0, -0.7, 0.0)}
