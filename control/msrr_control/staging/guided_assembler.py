@@ -182,7 +182,9 @@ class GuidedAssembler(Generic[State]):
         self.covered = max(self.covered, leg.end - self._setup.offset * abs(error))
         if abs(error) < _ALIGNED_RAD and abs(observation.twist.w) < _STILL_RADPS:
             return None
-        allowed = max(limit - max(self.covered, begin), 0.0) / self._setup.offset
+        # A unit that has turned too far, because its drive lags, turns back over ground that it has covered.
+        beyond = error * leg.turn < 0.0
+        allowed = math.inf if beyond else max(limit - max(self.covered, begin), 0.0) / self._setup.offset
         return spot_turn(error, self.params, self._setup.limits, allowed)
 
     def _reverse(self, observation: Observation, arena: ArenaMap, limit: float) -> Twist | None:

@@ -261,6 +261,22 @@ def test_a_half_turn_goes_the_way_round_that_was_granted(turn: float, off: float
     assert abs(abs(wrap_angle(unit.X_WU.yaw - yaw)) - math.pi) < 0.05
 
 
+@pytest.mark.parametrize("turn", [-0.7, 0.7])
+def test_a_unit_that_turned_too_far_turns_back_at_once(turn: float) -> None:
+    """By the lag of its drive. What was still granted ahead, next to nothing, had throttled the way back."""
+    unit = Fleet(STARTS, Mission())._unit("a", SE2(), ("b", "c", "d"))
+    leg = RouteLeg(LegKind.TURN, (0.0, 0.0, 0.0), (), (), turn, 0.1 * abs(turn))
+    message = Authority("a", 1, 1, 0, 3_000_000_000, leg.end, (leg,), None, False)
+    now_ns = follow(unit, message, leg.end, 0.9, 0)
+    unit.X_WU = SE2(0.0, 0.0, 0.999 * turn)
+    now_ns = follow(unit, message, leg.end, 0.02, now_ns)
+    assert not unit.assembler.finished
+    unit.X_WU = SE2(0.0, 0.0, 1.15 * turn)
+    follow(unit, message, leg.end, 3.0, now_ns)
+    assert unit.assembler.finished
+    assert unit.X_WU.yaw == pytest.approx(turn, abs=0.05)
+
+
 def test_it_drives_backwards_as_far_as_granted() -> None:
     yaw = 0.7
     unit = Fleet(STARTS, Mission())._unit("a", SE2(0.0, 0.0, yaw), ("b", "c", "d"))
