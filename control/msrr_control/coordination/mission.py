@@ -17,7 +17,8 @@ class Patience:
         rate_hz: Authorities per second and unit.
         expires_s: Time after which an authority ends unless it is renewed.
         seen_s: Time for which the first sight of all units is waited for.
-        unseen_s: Time for which a sight of a unit that says that it has arrived is waited for.
+        unseen_s: Time for which a sight of a unit that says that it has arrived is waited for, and for which
+            one that is seen elsewhere may still correct where it stands.
         retry_s: Time between two attempts to find routes past those who are under way.
         look_again_s: Time between two attempts when nothing that is known of has changed.
         stalled_s: Time without any progress after which routes are planned anew.

@@ -32,7 +32,10 @@ class Watch:
             return False  # a look will tell
         # Of a turn that is hardly longer than that, something has to be driven.
         off = min(SAME_M, 0.5 * track.length)
-        return unit.rests and unit.progress >= track.length - off
+        if not unit.rests or unit.progress < track.length - off:
+            return False
+        # One that came to a stop too far on, or askew, may still be about to correct that.
+        return self.is_at_end(unit) or seconds(now_ns - unit.moved_ns) >= self._patience.unseen_s
 
     def is_at_end(self, unit: UnitRecord) -> bool:
         """Return whether a unit that has driven its route stands where it ends."""

@@ -588,6 +588,20 @@ def test_a_root_that_misses_its_place_once_costs_one_plan_however_many_wait_for_
     assert status.replans == 1
 
 
+def test_a_unit_that_corrects_where_it_stands_has_not_missed_its_place(rig: type[Rig]) -> None:
+    steps = [MoveStep(move="a", pose=PoseSpec(x_m=0.5, y_m=0.0, yaw_deg=0))]
+    run = rig(Mission(steps=steps), {"a": SE2(-0.5, 0.0, 0.0)})
+    unit = run.units["a"]
+    unit.slips_m = 0.1
+    _run_until(run, lambda: unit.route == 1 and unit.progress > unit.track.length - 1e-6)
+    for _ in range(10):
+        run.step()
+    unit.slips_m = 0.0
+    status = run.run()
+    assert status.state is MissionState.COMPLETE
+    assert status.replans == 0
+
+
 def test_of_two_that_want_one_port_one_is_refused_with_the_reason(rig: type[Rig]) -> None:
     steps = [DockStep(unit=unit, to="b.rear", after=()) for unit in "ac"]
     starts = {"b": SE2(0.8, 0.0, 0.0), "a": SE2(-1.0, 0.7, 0.0), "c": SE2(-1.0, -0.7, 0.0)}
@@ -816,6 +830,6 @@ def test_a_turn_that_nobody_has_driven_is_not_over(knowledge: Knowledge) -> None
     unit = UnitRecord("a", SE2(), state=UnitState.UNDER_WAY, track=builder.track(), seen_ns=1)
     assert 0.0 < builder.track().length < SAME_M
     for progress, arrived in ((0.0, False), (builder.track().length, True)):
-        unit.progress = progress
+        unit.progress, unit.X_WU = progress, builder.track().at(progress)
         unit.report = UnitReport("a", 1, 1, 0, progress, UnitMode.STANDING, None)
         assert Watch(Patience()).has_arrived(unit, 1) is arrived

@@ -146,10 +146,13 @@ def test_who_is_out_of_sight_may_be_found_for_a_while(state: UnitState, seen: bo
 def test_a_unit_has_arrived_that_rests_at_the_end_once_somebody_has_looked_or_has_had_the_time_to() -> None:
     unit, moved_s = _under_way(END - 0.8 * SAME_M, END), 10.0
     unit.moved_ns = round(moved_s * S)
-    for seen_s, now_s, arrived in (
-        (moved_s - 1.0, moved_s + PATIENCE.unseen_s - 0.1, False),
-        (moved_s - 1.0, moved_s + PATIENCE.unseen_s + 0.1, True),
-        (moved_s + 0.1, moved_s + 0.2, True),
+    there, elsewhere = TRACK.at(unit.progress), TRACK.at(unit.progress) @ SE2(0.1, 0.0, 0.0)
+    for unit.X_WU, seen_s, now_s, arrived in (
+        (there, moved_s - 1.0, moved_s + PATIENCE.unseen_s - 0.1, False),
+        (there, moved_s - 1.0, moved_s + PATIENCE.unseen_s + 0.1, True),
+        (there, moved_s + 0.1, moved_s + 0.2, True),
+        (elsewhere, moved_s + 0.1, moved_s + PATIENCE.unseen_s - 0.1, False),  # it may correct that
+        (elsewhere, moved_s + 0.1, moved_s + PATIENCE.unseen_s + 0.1, True),
     ):
         unit.seen_ns = round(seen_s * S)
         assert Watch(PATIENCE).has_arrived(unit, round(now_s * S)) is arrived
