@@ -19,7 +19,7 @@ ACTIVE_PORT = "front"
 
 #: Error of the distance between two units, to the next millimetre, for which the gaps between moving bodies
 #: have room [m]: that of robots which are built with care (two standard deviations).
-EXPECTED_ERROR_M = 0.011
+_EXPECTED_ERROR_M = 0.011
 
 #: Distance below which two corners of an outline count as one [m].
 _SAME_CORNER_M = 1e-6
@@ -53,7 +53,7 @@ class Body:
         points = geometry.footprint
         apart = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)
         frames = {port: geometry.dock_frame(port) for port in geometry.passive_ports}
-        extra_gap = max(1e-3 * math.ceil(1e3 * distance_error) - EXPECTED_ERROR_M, 0.0)
+        extra_gap = max(1e-3 * math.ceil(1e3 * distance_error) - _EXPECTED_ERROR_M, 0.0)
         return cls(points[apart > _SAME_CORNER_M], frames, geometry.control_offset(ACTIVE_PORT), extra_gap)
 
     @cached_property

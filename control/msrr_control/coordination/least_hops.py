@@ -60,7 +60,8 @@ def _hops_before(
         units |= {p for p in taken if start is not None and p != start and p[: len(start)] == start}
         if parent in before:
             units |= before[parent]
-            units |= {place_of[filled_by[parent]]} if filled_by[parent] else set()
+            if filled_by[parent]:
+                units.add(place_of[filled_by[parent]])
         before[place] = units
     return before
 

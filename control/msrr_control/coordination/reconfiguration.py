@@ -132,7 +132,9 @@ class Reconfiguration:
             if hops is not None:
                 return hops
             if forms <= _MOST_FORMS:
-                raise SceneError("no order of leaving and docking again leads from one shape to the other")
+                raise SceneError(
+                    "no order of leaving and docking again leads from one shape to the other; name others"
+                )
         raise SceneError(
             "no order of leaving and docking again was found from one shape to the other among the "
             f"{_MOST_FORMS} forms that a search looks at; name others"
