@@ -30,7 +30,7 @@ from msrr_bullet.log import CameraWindow, Log, read_log
 from msrr_bullet.run import run_trial
 from msrr_bullet.timeline.camera_views import read_camera_views
 from msrr_scenes.as_built import as_designed
-from msrr_scenes.loading.camera_lenses import camera_lenses
+from msrr_scenes.camera_lenses import camera_lenses
 from msrr_scenes.loading.load import load_scene, shipped_scenes
 from msrr_scenes.messages import OVERHEAD, Exposure
 from msrr_scenes.outcome import Outcome

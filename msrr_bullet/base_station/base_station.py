@@ -22,9 +22,9 @@ from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_perception.estimation.arena_tracker import ArenaTracker
 from msrr_perception.estimation.body_track import SeenPoses
 from msrr_perception.pose.overhead_model import OverheadModel
+from msrr_scenes.checks.problems import dotted
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.loading.problems import dotted
 from msrr_scenes.messages import OVERHEAD, ArenaEstimate, Detections, Exposure, Fetch, GlobalPose
 from msrr_scenes.messages.coordination import Authority, MissionState, MissionStatus, UnitReport, UnitState
 from msrr_scenes.specs.plan import MoveStep

@@ -18,10 +18,10 @@ from msrr_bullet.log import Log
 from msrr_bullet.log.frame_tree import WORLD
 from msrr_bullet.log.topics import image, unit_of
 from msrr_bullet.timeline.palette import DETECTION, OBSTACLE, PATH, unit_colours
+from msrr_scenes.camera_lenses import camera_lenses
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.solid import Solid
-from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import (
     OVERHEAD,
     AssemblyPath,

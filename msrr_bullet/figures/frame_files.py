@@ -22,8 +22,8 @@ from msrr_bullet.timeline.camera_views import CameraView, evenly_spaced, read_ca
 from msrr_bullet.timeline.interpolation import SnapshotInterpolator
 from msrr_bullet.timeline.log_snapshots import read_snapshots
 from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_scenes.camera_lenses import camera_lenses
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import NS_PER_S, OVERHEAD, Exposure, onboard_camera
 
 CameraChoice = Literal["overhead", "onboard", "both"]

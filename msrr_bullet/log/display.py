@@ -27,9 +27,9 @@ from msrr_bullet.log.records import Event, FrameLinks, StartPoses, StepStart, Tr
 from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.coordination.track import track_of
 from msrr_scenes.arrays import Array
+from msrr_scenes.camera_lenses import camera_lenses
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import (
     AssemblyPath,
     Detections,

@@ -30,9 +30,9 @@ from msrr_bullet.log.frame_tree import scene_frames
 from msrr_bullet.log.frames import FRAMES_OF, FrameComposer
 from msrr_bullet.log.header import LIBRARY, METADATA, LogHeader
 from msrr_bullet.log.records import CameraWindow
+from msrr_scenes.camera_lenses import camera_lenses
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
-from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import NS_PER_S, Exposure, Pixels
 
 #: Gets every message as it is written: topic, what its messages are, time [ns], content.

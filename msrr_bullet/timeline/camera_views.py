@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.log.records import CameraWindow
+from msrr_scenes.camera_lenses import camera_lenses
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
-from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import (
     OVERHEAD,
     Action,

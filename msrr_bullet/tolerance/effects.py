@@ -10,8 +10,8 @@ from functools import partial
 from pydantic import ValidationError
 
 from msrr_bullet.tolerance.camera_response import RESPONSES, with_response
+from msrr_scenes.checks.as_built import without_effect
 from msrr_scenes.errors import MsrrError, SceneError, UnknownNameError
-from msrr_scenes.loading.as_built_checks import without_effect
 from msrr_scenes.loading.load import check_scene
 from msrr_scenes.specs.as_built import CAREFUL, AsBuiltSpec
 from msrr_scenes.specs.deviations import Deviation, FrictionDeviation

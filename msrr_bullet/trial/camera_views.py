@@ -13,7 +13,6 @@ from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.loading.mechanism_checks import docking_pairs
 from msrr_scenes.placement.placement import close_range_steps, nominal_units
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
@@ -71,7 +70,7 @@ def camera_distance(X_DU: SE2, setup: DockSetup) -> float:
 
 def docks_by_sight(scene: Scene) -> tuple[DockStep, ...]:
     """Return what docks by what it sees; of robots that build a shape one of each pair that differs."""
-    return scene.docks if scene.shape is None else docking_pairs(scene)
+    return scene.docks if scene.shape is None else scene.possible_docks
 
 
 def approach_begins(scene: Scene, step: DockStep, setup: DockSetup) -> SE2:

@@ -6,7 +6,6 @@ from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.loading.mechanism_checks import docking_pairs
 from msrr_scenes.specs.scene import Scene
 
 #: Largest depth by which shapes of a seated pair may overlap [m]. With a bar 1 mm ahead of the face robots
@@ -23,7 +22,7 @@ def check_seats(scene: Scene, world: BulletWorld) -> None:
     Raises:
         SceneError: The message names the pair, and where it meets.
     """
-    for dock in docking_pairs(scene):
+    for dock in scene.possible_docks:
         unit, target = dock.unit, dock.target_unit
         X_TD, X_UP = scene.geometry(target).dock_frame(dock.target_port), scene.geometry(unit).port(dock.port)
         world.place(target, SE2(), (0.0, 0.0))

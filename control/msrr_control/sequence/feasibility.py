@@ -5,7 +5,6 @@ from __future__ import annotations
 from msrr_control.docking.law import DockSetup
 from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.errors import SceneError
-from msrr_scenes.loading.mechanism_checks import docking_pairs
 from msrr_scenes.specs.scene import Scene
 
 
@@ -21,7 +20,7 @@ def check_sequence(scene: Scene) -> None:
     """
     tuning = PhaseTuning()
     _check_sight(scene, tuning.frames)
-    for step in docking_pairs(scene):
+    for step in scene.possible_docks:
         least_m = DockSetup.of(scene, step).pin_reach + tuning.retreat.clear_m + tuning.arrived_m
         if scene.docking.retreat_m < least_m:
             raise SceneError(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from msrr_scenes.arrays import Array
-from msrr_scenes.geometry.distortion import IDEAL_LENS, Distortion
+from msrr_scenes.geometry.distortion import IDEAL_LENS, Distortion, fold_radius
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 
 #: Distance of the pixels of the border by which the outline of the frame is computed [px].
@@ -144,3 +144,15 @@ def frame_outline(frame: Window) -> Array:
     corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
     sides = zip(corners, np.roll(corners, -1, axis=0), strict=True)
     return np.concatenate([start + across * (end - start) for start, end in sides])
+
+
+def explained_fold(lens: Lens) -> str | None:
+    """Return in words where a lens shows two points of the scene at one pixel of the frame, if it does."""
+    radius, camera = fold_radius(lens.camera, lens.distortion), lens.camera
+    if radius is None:
+        return None
+    corner = np.hypot(*(frame_outline(camera.frame) - [camera.cx, camera.cy]).T).max()
+    return (
+        f"with {lens.distortion} two points of the scene appear at one pixel: it has an inverse up to "
+        f"about {radius:.0f} px from the principal point, and the frame reaches to {corner:.0f} px"
+    )

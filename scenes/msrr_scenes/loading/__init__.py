@@ -1,4 +1,4 @@
-"""Loading: reads, overrides and checks scene files; names place and key of a mistake, and how to mend it."""
+"""Loading: reads and overrides scene files, and names the place of a mistake in them."""
 
 from msrr_scenes.loading.calibration_file import read_calibration
 from msrr_scenes.loading.load import check_scene, load_scene, scene_hash, shipped_scenes

@@ -16,10 +16,10 @@ from typing import Annotated, Any, Literal
 import yaml
 from pydantic import Field, ValidationError, model_validator
 
+from msrr_scenes.checks.problems import dotted
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.distortion import COEFFICIENTS
-from msrr_scenes.loading.camera_lenses import explained_fold
-from msrr_scenes.loading.problems import dotted
+from msrr_scenes.geometry.lens import explained_fold
 from msrr_scenes.loading.yaml_document import YamlDocument, parse_document, read_text
 from msrr_scenes.specs.sensors import CalibrationSpec
 from msrr_scenes.specs.spec import FileName, Spec, between

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+from msrr_scenes.checks.problems import KeyPath, dotted
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.calibration_file import read_calibration
-from msrr_scenes.loading.problems import KeyPath, dotted
 from msrr_scenes.loading.tag_map_file import read_tag_map
 from msrr_scenes.loading.yaml_document import YamlDocument
 from msrr_scenes.specs.spec import Spec

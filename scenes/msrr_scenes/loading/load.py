@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import TypeVar
@@ -13,21 +13,13 @@ from xml.etree import ElementTree
 
 from pydantic import ValidationError
 
-from msrr_scenes.errors import GeometryError, SceneError, UnknownNameError
+from msrr_scenes.checks.contradictions import contradictions, overrides_without_effect
+from msrr_scenes.checks.problems import KeyPath, Problem, dotted
+from msrr_scenes.errors import SceneError, UnknownNameError
 from msrr_scenes.geometry.obj_file import named_by_obj
 from msrr_scenes.geometry.unit_geometry import library_folder
 from msrr_scenes.geometry.urdf_file import elements_with_files, named_file
-from msrr_scenes.loading.as_built_checks import as_built_problems
-from msrr_scenes.loading.camera_checks import camera_problems
 from msrr_scenes.loading.embedded_files import embed_calibrations, embed_maps
-from msrr_scenes.loading.geometry_checks import geometry_problems
-from msrr_scenes.loading.marker_checks import marker_problems, unit_problem
-from msrr_scenes.loading.mechanism_checks import mechanism_problems
-from msrr_scenes.loading.move_checks import taken_ends
-from msrr_scenes.loading.plan_checks import fault_problems, mission_problems, plan_problems
-from msrr_scenes.loading.problems import KeyPath, Problem, dotted
-from msrr_scenes.loading.reference_checks import port_problems, reference_problems, value_problems
-from msrr_scenes.loading.robot_checks import robot_problems
 from msrr_scenes.loading.validation_errors import explain
 from msrr_scenes.loading.yaml_document import (
     YamlDocument,
@@ -44,12 +36,6 @@ MAX_LISTED = 8
 
 #: Folder of the shipped scene files.
 LIBRARY = library_folder()
-
-#: Keys of the onboard camera that act on the pixels of rendered images alone.
-_OF_PIXELS = {
-    *("noise_grey", "shot_grey", "blur_px", "gain", "gamma", "vignetting"),
-    *("light_gradient", "light_gradient_deg", "jpeg_quality"),
-}
 
 #: What a document specifies.
 _Kind = TypeVar("_Kind", bound=Spec)
@@ -115,7 +101,7 @@ def load_scene(
     embed_calibrations(document, path.parent)
     embed_maps(document, path.parent)
     scene = validated(Scene, document).model_copy(update={"source": path.resolve()})
-    refuse(document, [*_contradictions(scene), *_without_effect(scene, overrides)])
+    refuse(document, [*contradictions(scene), *overrides_without_effect(scene, overrides)])
     return scene
 
 
@@ -136,7 +122,7 @@ def check_scene(scene: Scene) -> None:
         TypeError: It is no scene, but the name of one, for example.
     """
     _expect_scene(scene)
-    refuse(YamlDocument({}), _contradictions(scene))
+    refuse(YamlDocument({}), contradictions(scene))
 
 
 def scene_hash(scene: Scene) -> str:
@@ -192,60 +178,6 @@ def validated(kind: type[_Kind], document: YamlDocument) -> _Kind:
         found = [explain(e, document, kind) for e in error.errors(include_url=False)]
         refuse(document, [problem for problem in found if problem is not None])
         raise AssertionError("a validation error explains itself") from error
-
-
-def _contradictions(scene: Scene) -> list[Problem]:
-    """Return everything that makes a scene unusable although each of its values is allowed.
-
-    Later checks need what earlier ones establish (a unit has to exist before its port can), so the list
-    ends with the first stage that finds something.
-    """
-    problems = marker_problems(scene)
-    if problems:
-        return problems
-    problems = [
-        *reference_problems(scene),
-        *value_problems(scene),
-        *as_built_problems(scene),
-        *camera_problems(scene),
-        *fault_problems(scene),
-        *mission_problems(scene),
-    ]
-    if problems:
-        return problems
-    for unit in scene.units:
-        try:
-            geometry = scene.geometry(unit)
-            _ = geometry.footprint
-            if not geometry.drives:
-                text = f"{geometry.urdf}: a fixture, for target files alone; a unit has wheels"
-                problems.append(Problem(("units", unit, "urdf"), text))
-        except (GeometryError, SceneError) as error:
-            problems.append(unit_problem(unit, error))
-    problems = problems or [*port_problems(scene), *plan_problems(scene)]
-    problems = problems or [problem for unit in scene.units for problem in robot_problems(scene, unit)]
-    problems = problems or [*mechanism_problems(scene)]
-    return problems or [*geometry_problems(scene), *taken_ends(scene)]
-
-
-def _without_effect(scene: Scene, overrides: Iterable[str]) -> Iterator[Problem]:
-    """Yield the overrides that change nothing: a study of such a value would find that it does not matter.
-
-    What a file says is left alone, for it may be run with either kind of perception.
-    """
-    for key in overrides:
-        section, _, name = key.rpartition(".")
-        if scene.perception == "images" and key.startswith("parametric."):
-            text = (
-                "changes nothing with perception: images; set perception=parametric as well, or leave it out"
-            )
-            yield Problem(tuple(key.split(".")), text)
-        elif scene.perception == "parametric" and section == "cameras.onboard" and name in _OF_PIXELS:
-            text = (
-                "changes nothing with perception: parametric, which has no pixels; set parametric.sigma_xy_m "
-                "and the like, or perception=images"
-            )
-            yield Problem(tuple(key.split(".")), text)
 
 
 def refuse(document: YamlDocument, problems: list[Problem]) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import yaml
 from pydantic import ValidationError
 
+from msrr_scenes.checks.problems import dotted
 from msrr_scenes.errors import SceneError
-from msrr_scenes.loading.problems import dotted
 from msrr_scenes.loading.yaml_document import parse_document, read_text
 from msrr_scenes.specs.tag_map import TagMapSpec
 from msrr_scenes.whole_files import write_whole

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from msrr_scenes.checks.problems import Problem
+from msrr_scenes.checks.references import unknown_slots
 from msrr_scenes.errors import GeometryError, SceneError, nearest
 from msrr_scenes.geometry.derived_urdf import fixture_urdf, marker_slot, with_camera
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.loading.calibration_file import read_calibration
 from msrr_scenes.loading.embedded_files import embed_file
 from msrr_scenes.loading.load import plain_name, read_document, refuse, validated
-from msrr_scenes.loading.problems import Problem
-from msrr_scenes.loading.reference_checks import unknown_slots
 from msrr_scenes.loading.tag_map_file import read_tag_map
 from msrr_scenes.loading.yaml_document import YamlDocument
 from msrr_scenes.specs.scene import Scene

@@ -10,8 +10,8 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
+from msrr_scenes.checks.problems import KeyPath, Problem
 from msrr_scenes.errors import nearest
-from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.loading.yaml_document import YamlDocument
 from msrr_scenes.specs.plan import DockStep, MoveStep, UndockStep
 

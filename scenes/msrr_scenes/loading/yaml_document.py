@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import yaml
 
+from msrr_scenes.checks.problems import KeyPath, dotted
 from msrr_scenes.errors import SceneError
-from msrr_scenes.loading.problems import KeyPath, dotted
 
 #: Largest file [characters] and number of values: more than a map of all tags of the default family has.
 MAX_CHARACTERS = 1_000_000

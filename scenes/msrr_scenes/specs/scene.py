@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
+from itertools import permutations
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast
 
@@ -139,6 +140,21 @@ class Scene(Spec):
         """The docks that are closed when the trial begins, each as the step that would have closed it."""
         parts = ((*pair.active.partition("."), pair.passive) for pair in self.assembled)
         return tuple(DockStep(unit=unit, port=port, to=to) for unit, _, port, to in parts)
+
+    @property
+    def possible_docks(self) -> tuple[DockStep, ...]:
+        """What may dock in a trial; of units that build a shape one of each pair that differs."""
+        if self.shape is None:
+            return (*self.docks, *self.assembled_docks)
+        geometries = {unit: self.geometry(unit) for unit in self.units}
+        alike: dict[tuple[UnitGeometry, UnitGeometry], tuple[str, str]] = {}
+        for pair in permutations(geometries, 2):
+            alike.setdefault((geometries[pair[0]], geometries[pair[1]]), pair)
+        return tuple(
+            DockStep(unit=unit, to=f"{target}.{port}")
+            for (_, geometry), (unit, target) in alike.items()
+            for port in geometry.passive_ports
+        )
 
     def told(self) -> Scene:
         """Return the scene as robots and base station are told it: without true errors and without faults."""

@@ -13,7 +13,7 @@ from msrr_bullet.figures.overhead_frame import draw_overhead
 from msrr_bullet.timeline import palette
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.series import port_in_dock
-from msrr_scenes.loading.camera_lenses import camera_lenses
+from msrr_scenes.camera_lenses import camera_lenses
 from msrr_scenes.messages import NS_PER_S, OVERHEAD, Exposure, Phase
 
 

@@ -24,8 +24,8 @@ from msrr_bullet.figures.top_view import draw_top_view
 from msrr_bullet.timeline import palette
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.mission_series import EventKind, MissionEvent, activity_spans, unit_events
+from msrr_scenes.camera_lenses import camera_lenses
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.messages import OVERHEAD, Exposure
 from msrr_scenes.messages.coordination import UnitState
 

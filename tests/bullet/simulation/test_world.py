@@ -10,11 +10,11 @@ import pytest
 from msrr_bullet.simulation.floor import GRAVITY_MPS2
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
+from msrr_scenes.checks.standing import standing_problems
 from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import find_urdf
-from msrr_scenes.loading.standing_checks import standing_problems
 from msrr_scenes.placement.placement import Placement
 
 OBSTACLES = {

@@ -14,10 +14,10 @@ from msrr_bullet.timeline.camera_views import (
     read_camera_views,
     read_exposures,
 )
+from msrr_scenes.camera_lenses import camera_lenses
 from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
-from msrr_scenes.loading.camera_lenses import camera_lenses
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import OVERHEAD, Exposure
 

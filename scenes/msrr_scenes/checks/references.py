@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
+from msrr_scenes.checks.assembly import assembly_problems
+from msrr_scenes.checks.problems import KeyPath, Problem
 from msrr_scenes.errors import nearest
-from msrr_scenes.loading.assembly_checks import assembly_problems
-from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.messages import OVERHEAD, onboard_camera
 from msrr_scenes.placement.placement import split_frame
 from msrr_scenes.specs.faults import CameraBlackout, PortPlugged

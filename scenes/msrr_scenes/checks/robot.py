@@ -12,16 +12,16 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from msrr_scenes.arrays import Array
+from msrr_scenes.checks.drive import drive_problems
+from msrr_scenes.checks.problems import KeyPath, Problem
+from msrr_scenes.checks.robot_shapes import joint_problems, shape_problems
+from msrr_scenes.checks.standing import standing_problems
+from msrr_scenes.checks.tags import covered_tags
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.inertial import Inertial
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import LinkTree
-from msrr_scenes.loading.drive_checks import drive_problems
-from msrr_scenes.loading.problems import KeyPath, Problem
-from msrr_scenes.loading.shape_checks import joint_problems, shape_problems
-from msrr_scenes.loading.standing_checks import standing_problems
-from msrr_scenes.loading.tag_checks import covered_tags
 from msrr_scenes.specs.scene import Scene
 
 #: Least cosine between the direction that a tag faces and that of its port. At 85 deg a tag is seen at a

@@ -1,4 +1,4 @@
-"""Checks of overlaps, the arena and the cameras' views, over every possible start."""
+"""Checks of where bodies start: overlaps, the arena and the cameras' views, over every possible start."""
 
 from __future__ import annotations
 
@@ -10,13 +10,12 @@ from functools import partial
 import numpy as np
 
 from msrr_scenes.arrays import Array
+from msrr_scenes.checks.problems import KeyPath, Problem
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
-from msrr_scenes.loading.mechanism_checks import docking_pairs
-from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.placement.placement import (
     close_range_steps,
     draw_placement,
@@ -38,7 +37,7 @@ _BEYOND_RAD = math.radians(4.0)
 _TRIAL_DRAWS, _MOST_REDRAWS = 20, 20
 
 
-def geometry_problems(scene: Scene) -> list[Problem]:
+def start_problems(scene: Scene) -> list[Problem]:
     """Return overlaps, bodies outside the arena or unseen, and targets too wide for the cone."""
     covered = {name: region(scene, name, outline(scene, name)) for name in (*scene.units, *scene.obstacles)}
     placed = [*_too_near(scene, covered), *_outside(scene, covered), *_above_the_camera(scene)]
@@ -130,7 +129,7 @@ def _outside(scene: Scene, covered: Mapping[str, Array]) -> Iterator[Problem]:
 def _too_wide(scene: Scene) -> Iterator[Problem]:
     # At contact the edges have to lie inside the inner bound, or the correction keeps the unit off the port.
     los = scene.los
-    for step in docking_pairs(scene):
+    for step in scene.possible_docks:
         geometry = scene.geometry(step.unit)
         reach = geometry.control_offset(step.port) - float(geometry.frame("camera").p[0])
         if los.angle_at_contact(reach) >= los.inner:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from graphlib import CycleError, TopologicalSorter
 
+from msrr_scenes.checks.moves import move_problems
+from msrr_scenes.checks.problems import KeyPath, Problem
+from msrr_scenes.checks.references import step_key, unknown_unit
 from msrr_scenes.errors import nearest
-from msrr_scenes.loading.move_checks import move_problems
-from msrr_scenes.loading.problems import KeyPath, Problem
-from msrr_scenes.loading.reference_checks import step_key, unknown_unit
 from msrr_scenes.specs.faults import CameraBlackout, EncoderStuck, PortPlugged
 from msrr_scenes.specs.plan import (
     DockStep,

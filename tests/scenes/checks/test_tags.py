@@ -8,9 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
+from msrr_scenes.checks.tags import _overlap
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.loading.tag_checks import _overlap
 from msrr_scenes.specs.tag_families import FAMILIES
 
 LEFT, RIGHT = "port_rear_marker_left", "port_rear_marker_right"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from msrr_scenes.loading.problems import Problem
+from msrr_scenes.checks.problems import Problem
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec
 

@@ -6,10 +6,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
+from msrr_scenes.checks.problems import KeyPath, Problem
 from msrr_scenes.geometry.distortion import COEFFICIENTS
-from msrr_scenes.geometry.lens import Lens
-from msrr_scenes.loading.camera_lenses import explained_fold
-from msrr_scenes.loading.problems import KeyPath, Problem
+from msrr_scenes.geometry.lens import Lens, explained_fold
 from msrr_scenes.specs.deviations import Deviation
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import FOV_DEG, CameraSpec

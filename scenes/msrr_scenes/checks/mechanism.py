@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator
 
+from msrr_scenes.checks.problems import KeyPath, Problem
 from msrr_scenes.geometry.pin_and_hole import PinAndHole, bounds
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
-from msrr_scenes.loading.problems import KeyPath, Problem
-from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
 #: Largest distance and angle of an active port from straight ahead. The robot steers the point ahead of the
@@ -28,7 +26,7 @@ _DRAWN_M = 1e-5
 
 def mechanism_problems(scene: Scene) -> Iterator[Problem]:
     """Yield active ports that are not straight ahead, and pins that do not fit the holes of a step."""
-    for dock in docking_pairs(scene):
+    for dock in scene.possible_docks:
         unit, port, target = dock.unit, dock.port, dock.target_unit
         mapped = f"port_{port}" in scene.units[unit].frames
         path: KeyPath = ("units", unit, "frames", f"port_{port}") if mapped else ("units", unit, "urdf")
@@ -42,21 +40,6 @@ def mechanism_problems(scene: Scene) -> Iterator[Problem]:
             text = text and f"to dock to {dock.to}: {text}"
         if text is not None:
             yield Problem(path, f"{own.urdf.name}: {text}")
-
-
-def docking_pairs(scene: Scene) -> tuple[DockStep, ...]:
-    """Return what may dock in a scene; of robots that build a shape one of each pair that differs."""
-    if scene.shape is None:
-        return (*scene.docks, *scene.assembled_docks)
-    geometries = {unit: scene.geometry(unit) for unit in scene.units}
-    alike: dict[tuple[UnitGeometry, UnitGeometry], tuple[str, str]] = {}
-    for pair in itertools.permutations(geometries, 2):
-        alike.setdefault((geometries[pair[0]], geometries[pair[1]]), pair)
-    return tuple(
-        DockStep(unit=unit, to=f"{target}.{port}")
-        for (_, geometry), (unit, target) in alike.items()
-        for port in geometry.passive_ports
-    )
 
 
 def _aside(own: UnitGeometry, port: str) -> str | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msrr_scenes.arrays import Array
-from msrr_scenes.loading.problems import Problem
+from msrr_scenes.checks.problems import Problem
 from msrr_scenes.placement.start_regions import distance, outline, region
 from msrr_scenes.specs.plan import MoveStep
 from msrr_scenes.specs.scene import Scene

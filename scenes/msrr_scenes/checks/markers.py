@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from msrr_scenes.checks.problems import KeyPath, Problem
 from msrr_scenes.errors import MsrrError, nearest
 from msrr_scenes.geometry.frame_map import FrameMapError
-from msrr_scenes.loading.problems import KeyPath, Problem
 from msrr_scenes.specs.bodies import MarkerSpec
 from msrr_scenes.specs.scene import Scene
 
