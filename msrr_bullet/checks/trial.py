@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from msrr_bullet.checks.seats import check_seats
+from msrr_bullet.checks.stance import check_stance
+from msrr_bullet.checks.views import check_views
 from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.recorder import NullRecorder
 from msrr_bullet.profiler import NullProfiler
@@ -11,11 +14,8 @@ from msrr_bullet.render.raster_renderer import RasterRenderer
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.mission import begin_planned
-from msrr_bullet.trial.seat_check import check_seats
-from msrr_bullet.trial.stance_check import check_stance
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.trial import begin_mission
-from msrr_bullet.trial.view_check import check_views
 from msrr_control.sequence.feasibility import check_sequence
 from msrr_control.staging.feasibility import check_assembly, check_overhead, check_time
 from msrr_control.staging.registry import ASSEMBLERS
@@ -76,8 +76,8 @@ def _check(scene: Scene) -> None:
         bodies = _drawn(scene, world)
         check_views(scene, world, bodies)
         if scene.coordinated:
+            from msrr_bullet.checks.reconfiguration import check_reconfiguration
             from msrr_bullet.robot.unit_programs import check_programs
-            from msrr_bullet.trial.reconfiguration_check import check_reconfiguration
 
             begin_mission(environment, telemetry, NullProfiler())
             check_reconfiguration(scene)

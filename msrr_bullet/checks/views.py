@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from msrr_bullet.built_poses import placed_tags
-from msrr_bullet.render.occlusion import hidden_points
-from msrr_bullet.render.raster.bodies import LoadedBodies
-from msrr_bullet.simulation.world import BulletWorld
-from msrr_bullet.trial.camera_views import (
+from msrr_bullet.checks.camera_views import (
     approach_begins,
     before_port,
     camera_distance,
     docks_by_sight,
     whole_tags,
 )
+from msrr_bullet.render.occlusion import hidden_points
+from msrr_bullet.render.raster.bodies import LoadedBodies
+from msrr_bullet.simulation.world import BulletWorld
 from msrr_control.docking.law import DockSetup
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from msrr_bullet.checks.camera_views import coarse_tags
 from msrr_bullet.run import run_trial
-from msrr_bullet.trial.camera_views import coarse_tags
 from msrr_bullet.trial.result import Outcome
 from msrr_scenes.loading.load import load_scene, shipped_scenes
 from tests.conftest import shipped_as_is
