@@ -7,16 +7,16 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from msrr_bullet.profiler import NullProfiler, Profiler
-from msrr_control.coordination.bodies import ACTIVE_PORT
 from msrr_control.coordination.coordinator import Coordinator
 from msrr_control.coordination.embedding import fits
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.route_params import RouteParams
-from msrr_control.coordination.shape import Shape
-from msrr_control.coordination.tasks import plan_tasks, shape_tasks
+from msrr_control.shapes.bodies import ACTIVE_PORT
+from msrr_control.shapes.shape import Shape
+from msrr_control.shapes.tasks import plan_tasks, shape_tasks
 from msrr_control.staging.registry import route_params
 from msrr_control.staging.setup import AssemblySetup
+from msrr_control.tracks.route_params import RouteParams
 from msrr_perception.detection.detector import scene_detector
 from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_perception.estimation.arena_tracker import ArenaTracker

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msrr_bullet.base_station.base_station import knowledge_of, mission_of
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.reconfiguration import assembly_ports, reconfiguration_tasks
+from msrr_control.shapes.reconfiguration import assembly_ports, reconfiguration_tasks
 from msrr_scenes.checks.problems import dotted
 from msrr_scenes.errors import SceneError
 from msrr_scenes.placement.placement import nominal_units

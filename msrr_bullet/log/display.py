@@ -24,8 +24,8 @@ from foxglove.messages import (
 from msrr_bullet.log import foxglove, topics
 from msrr_bullet.log.frame_tree import WORLD
 from msrr_bullet.log.records import Event, FrameLinks, StartPoses, StepStart, TruePose
-from msrr_control.coordination.bodies import ACTIVE_PORT
-from msrr_control.coordination.track import track_of
+from msrr_control.shapes.bodies import ACTIVE_PORT
+from msrr_control.tracks.track import track_of
 from msrr_scenes.arrays import Array
 from msrr_scenes.camera_lenses import camera_lenses
 from msrr_scenes.geometry.pinhole import Window

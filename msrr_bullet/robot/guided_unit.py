@@ -9,7 +9,7 @@ from msrr_bullet.robot.autonomy import Autonomy
 from msrr_bullet.robot.drive_watch import DriveWatch
 from msrr_bullet.robot.route_program import RouteProgram
 from msrr_bullet.robot.unit_programs import UnitPrograms
-from msrr_control.coordination.bodies import ACTIVE_PORT
+from msrr_control.shapes.bodies import ACTIVE_PORT
 from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_perception.estimation.body_track import SeenPoses
 from msrr_scenes.messages import (

@@ -8,7 +8,7 @@ from msrr_bullet.profiler import Profiler
 from msrr_bullet.robot.autonomy import Autonomy
 from msrr_bullet.robot.overhead_localizer import OverheadLocalizer
 from msrr_bullet.robot.route_program import RouteProgram
-from msrr_control.coordination.bodies import ACTIVE_PORT
+from msrr_control.shapes.bodies import ACTIVE_PORT
 from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_control.staging.registry import build_guided
 from msrr_control.staging.setup import AssemblySetup

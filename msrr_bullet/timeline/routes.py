@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_control.coordination.bodies import ACTIVE_PORT
-from msrr_control.coordination.track import track_of
+from msrr_control.shapes.bodies import ACTIVE_PORT
+from msrr_control.tracks.track import track_of
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages.coordination import Authority

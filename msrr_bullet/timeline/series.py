@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from msrr_bullet.timeline.snapshot import Snapshot, StepSnapshot
 from msrr_bullet.timeline.snapshot_builder import target_frame
-from msrr_control.coordination.bodies import ACTIVE_PORT
+from msrr_control.shapes.bodies import ACTIVE_PORT
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2

@@ -1,23 +1,27 @@
-"""A robot before a port, in a dozen lines: a unicycle, two switches, a lock and an honest or a lying sensor.
+"""A robot before a port, in a dozen lines, and what is known of the shipped unit in an arena.
 
-It stands in for plant and perception where the phase machine alone is under test. The real loop is tested in
-``tests/bullet``.
+The robot is a unicycle, two switches, a lock and an honest or a lying sensor. It stands in for plant and
+perception where the phase machine alone is under test. The real loop is tested in ``tests/bullet``.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
+from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
 from msrr_control.kinematics.drive_limits import nested_limit
 from msrr_control.sequence.observation import Observation
 from msrr_control.sequence.state_machine import PhaseMachine
+from msrr_control.tracks.route_params import RouteParams
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.messages import (
     Action,
     LockFeedback,
@@ -33,6 +37,7 @@ from msrr_scenes.specs.control import DockingSpec, LosSpec
 from msrr_scenes.specs.spec import Choice
 from msrr_scenes.specs.vehicle import LimitsSpec
 
+BOX = (-2.0, 2.0, -1.5, 1.5)
 DT_NS = 20_000_000
 SEATED_GAP = 0.0013
 
@@ -160,3 +165,27 @@ def tight() -> DockSetup:
 def toy() -> type[ToyRobot]:
     """The toy robot's class."""
     return ToyRobot
+
+
+def random_starts(seed: int, count: int, box: tuple[float, float, float, float] = BOX) -> dict[str, SE2]:
+    """Poses all over the arena, 0.45 m and more apart."""
+    rng = np.random.default_rng(seed)
+    x0, x1, y0, y1 = box
+    starts: dict[str, SE2] = {}
+    while len(starts) < count:
+        X = SE2(*rng.uniform([x0 + 0.25, y0 + 0.25, -math.pi], [x1 - 0.25, y1 - 0.25, math.pi]))
+        if all(math.hypot(X.x - o.x, X.y - o.y) > 0.45 for o in starts.values()):
+            starts[f"u{len(starts)}"] = X
+    return starts
+
+
+@pytest.fixture(scope="session")
+def knowledge() -> Knowledge:
+    """The shipped unit in an arena of 4 m by 3 m."""
+    return Knowledge.of(read_unit(find_urdf("unit.urdf")), RouteParams(), BOX)
+
+
+@pytest.fixture(scope="session")
+def starts() -> Callable[..., dict[str, SE2]]:
+    """The function that draws poses all over the arena."""
+    return random_starts

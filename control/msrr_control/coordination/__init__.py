@@ -1,1 +1,1 @@
-"""Coordination of many units: shapes, the assignment of places, movement authorities, and the coordinator."""
+"""Coordination of many units: the coordinator assigns places and grants each unit the ground to drive on."""

@@ -17,9 +17,9 @@ from msrr_control.coordination.mission import Mission, Patience
 from msrr_control.coordination.recall import Recall
 from msrr_control.coordination.siting import Siting, check_shapes
 from msrr_control.coordination.task_list import TaskList
-from msrr_control.coordination.tasks import TaskState
 from msrr_control.coordination.unit_states import UnitStates
 from msrr_control.coordination.watch import Watch
+from msrr_control.shapes.tasks import TaskState
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import NS_PER_S, GlobalPose, ObstacleEstimate, seconds
 from msrr_scenes.messages.coordination import (

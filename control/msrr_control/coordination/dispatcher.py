@@ -12,12 +12,12 @@ from msrr_control.coordination.embedding import assign, place_costs
 from msrr_control.coordination.interlock import Interlock, clear_of_tracks
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
-from msrr_control.coordination.route_request import RouteRequest
 from msrr_control.coordination.target_place import place_of_target
 from msrr_control.coordination.task_ends import TaskEnds
 from msrr_control.coordination.task_list import TaskList
-from msrr_control.coordination.tasks import Task, TaskKind
 from msrr_control.coordination.waiting_places import WAITING_ROOM_M, waiting_places
+from msrr_control.shapes.tasks import Task, TaskKind
+from msrr_control.tracks.route_request import RouteRequest
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate

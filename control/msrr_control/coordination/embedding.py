@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_control.coordination.precedence import Lanes
-from msrr_control.coordination.route_finder import STANDS_THERE_M
-from msrr_control.coordination.shape import Shape
 from msrr_control.path_following.path import PaceSpec
+from msrr_control.shapes.precedence import Lanes
+from msrr_control.shapes.shape import Shape
+from msrr_control.tracks.route_finder import STANDS_THERE_M
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.embedding import Travel
-from msrr_control.coordination.precedence import Lanes
-from msrr_control.coordination.route_finder import RouteFinder
-from msrr_control.coordination.route_params import RouteParams
 from msrr_control.planning.route import ARENA_BORDER
+from msrr_control.shapes.bodies import Body
+from msrr_control.shapes.precedence import Lanes
+from msrr_control.tracks.route_finder import RouteFinder
+from msrr_control.tracks.route_params import RouteParams
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 
 

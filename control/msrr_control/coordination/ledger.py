@@ -6,9 +6,9 @@ import math
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
-from msrr_control.coordination.bodies import ACTIVE_PORT, Body
-from msrr_control.coordination.route_request import Standing
-from msrr_control.coordination.track import Track, standing
+from msrr_control.shapes.bodies import ACTIVE_PORT, Body
+from msrr_control.tracks.route_request import Standing
+from msrr_control.tracks.track import Track, standing
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose
 from msrr_scenes.messages.coordination import Authority, Intent, UnitMode, UnitReport, UnitState, UnitStatus

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from msrr_control.coordination.shape import Shape
+from msrr_control.shapes.shape import Shape
 from msrr_scenes.specs.plan import PlanStep
 
 

@@ -9,16 +9,16 @@ from msrr_control.coordination.embedding import embedding
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.precedence import Lanes
-from msrr_control.coordination.reconfiguration import (
+from msrr_control.shapes.precedence import Lanes
+from msrr_control.shapes.reconfiguration import (
     Reconfiguration,
     assembly_ports,
     check_names,
     reconfiguration_tasks,
     shape_ports,
 )
-from msrr_control.coordination.shape import Shape
-from msrr_control.coordination.tasks import Task, plan_tasks, shape_tasks
+from msrr_control.shapes.shape import Shape
+from msrr_control.shapes.tasks import Task, plan_tasks, shape_tasks
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate

@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from msrr_control.coordination.embedding import embedding
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
-from msrr_control.coordination.shape import Place, Shape
-from msrr_control.coordination.tasks import Task, TaskKind
+from msrr_control.shapes.shape import Place, Shape
+from msrr_control.shapes.tasks import Task, TaskKind
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import ObstacleEstimate
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from msrr_control.coordination.ledger import UnitRecord
-from msrr_control.coordination.precedence import Lanes
 from msrr_control.coordination.task_list import TaskList
-from msrr_control.coordination.tasks import Task, TaskKind, TaskState
+from msrr_control.shapes.precedence import Lanes
+from msrr_control.shapes.tasks import Task, TaskKind, TaskState
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages.coordination import UnitState
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from msrr_control.coordination.tasks import Task, TaskState
+from msrr_control.shapes.tasks import Task, TaskState
 
 #: Number of units that may fail at a task before it is given up.
 _MOST_FAILURES = 3

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.task_list import TaskList
-from msrr_control.coordination.tasks import TaskKind, TaskState
 from msrr_control.coordination.watch import Watch
+from msrr_control.shapes.tasks import TaskKind, TaskState
 from msrr_scenes.messages.coordination import UnitMode, UnitState
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from msrr_control.coordination.ledger import UnitRecord
-from msrr_control.coordination.precedence import Lanes
+from msrr_control.shapes.precedence import Lanes
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate

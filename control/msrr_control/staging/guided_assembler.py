@@ -6,8 +6,6 @@ import math
 from types import MappingProxyType
 from typing import Generic
 
-from msrr_control.coordination.authority import MovementAuthority
-from msrr_control.coordination.track import path_of
 from msrr_control.path_following.law import PathFollowingLaw, State
 from msrr_control.planning.route import ArenaMap, Route
 from msrr_control.planning.route_planner import RoutePlanner
@@ -17,6 +15,8 @@ from msrr_control.staging.manoeuvres import StraightDrive, spot_turn
 from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.route_follower import RouteFollower, shown_path
 from msrr_control.staging.setup import AssemblySetup
+from msrr_control.tracks.authority import MovementAuthority
+from msrr_control.tracks.track import path_of
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import AssemblyPath, AssemblyProgress, Twist, seconds
 from msrr_scenes.messages.coordination import Authority, LegKind

@@ -9,10 +9,10 @@ import pytest
 
 from msrr_bullet.base_station.base_station import knowledge_of
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
-from msrr_control.coordination.track import GAP_M
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.staging.parameters import AssemblyParams
 from msrr_control.staging.setup import AssemblySetup
+from msrr_control.tracks.track import GAP_M
 from msrr_perception.estimation.arena_tracker import ArenaTracker
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.geometry.se2 import SE2

@@ -9,23 +9,22 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import pytest
 
-from msrr_control.coordination.authority import MovementAuthority
-from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.coordinator import Coordinator
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.reconfiguration import assembly_ports, shape_ports
-from msrr_control.coordination.route_params import RouteParams
-from msrr_control.coordination.shape import Shape
-from msrr_control.coordination.track import Track, track_of
+from msrr_control.shapes.bodies import Body
+from msrr_control.shapes.reconfiguration import assembly_ports, shape_ports
+from msrr_control.shapes.shape import Shape
+from msrr_control.tracks.authority import MovementAuthority
+from msrr_control.tracks.track import Track, track_of
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.messages import GlobalPose
 from msrr_scenes.messages.coordination import (
     Authority,
@@ -39,7 +38,6 @@ from msrr_scenes.messages.coordination import (
 from msrr_scenes.specs.mission import RadioSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-BOX = (-2.0, 2.0, -1.5, 1.5)
 TICK_NS = 50_000_000
 BASE_NS = 100_000_000  # between two steps of the base station, as in a trial
 LIMITS = LimitsSpec.model_validate({})
@@ -54,22 +52,6 @@ ACCELERATION, DECELERATION = 0.147, 0.8 * LIMITS.a_max_mps2
 LOCK_S, UNLOCK_S, SEIZED_S, UNSEEN_S = 2.0, 1.0, 5.0, 10.0
 RETREAT_M = 0.5
 CAMERA_NS = 100_000_000
-
-
-def make_knowledge(box: tuple[float, float, float, float] = BOX) -> Knowledge:
-    return Knowledge.of(read_unit(find_urdf("unit.urdf")), RouteParams(), box)
-
-
-def random_starts(seed: int, count: int, box: tuple[float, float, float, float] = BOX) -> dict[str, SE2]:
-    """Poses all over the arena, 0.45 m and more apart."""
-    rng = np.random.default_rng(seed)
-    x0, x1, y0, y1 = box
-    starts: dict[str, SE2] = {}
-    while len(starts) < count:
-        X = SE2(*rng.uniform([x0 + 0.25, y0 + 0.25, -math.pi], [x1 - 0.25, y1 - 0.25, math.pi]))
-        if all(math.hypot(X.x - o.x, X.y - o.y) > 0.45 for o in starts.values()):
-            starts[f"u{len(starts)}"] = X
-    return starts
 
 
 @dataclass
@@ -279,7 +261,7 @@ class Rig:
 
     mission: Mission
     starts: Mapping[str, SE2]
-    knowledge: Knowledge = field(default_factory=make_knowledge)
+    knowledge: Knowledge
     radio: RadioSpec = field(default_factory=RadioSpec)
     seed: int = 0
     dies: Mapping[str, tuple[float, bool]] = field(default_factory=dict)
@@ -431,18 +413,6 @@ class Rig:
 
 
 @pytest.fixture(scope="session")
-def rig() -> type[Rig]:
-    """The rig's class."""
-    return Rig
-
-
-@pytest.fixture(scope="session")
-def knowledge() -> Knowledge:
-    """The shipped unit in an arena of 4 m by 3 m."""
-    return make_knowledge()
-
-
-@pytest.fixture(scope="session")
-def starts():
-    """The function that draws poses all over the arena."""
-    return random_starts
+def rig(knowledge: Knowledge) -> Callable[..., Rig]:
+    """The rig's class, with the shipped units in the arena of 4 m by 3 m if nothing else is said."""
+    return partial(Rig, knowledge=knowledge)

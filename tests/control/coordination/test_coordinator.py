@@ -16,13 +16,13 @@ import pytest
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import SAME_M, UnitRecord
 from msrr_control.coordination.mission import Mission, Patience
-from msrr_control.coordination.reconfiguration import shape_ports
-from msrr_control.coordination.route_finder import RouteFinder
-from msrr_control.coordination.route_params import RouteParams
-from msrr_control.coordination.shape import Shape, build_pattern
-from msrr_control.coordination.tasks import plan_tasks
-from msrr_control.coordination.track import TrackBuilder
 from msrr_control.coordination.watch import Watch
+from msrr_control.shapes.reconfiguration import shape_ports
+from msrr_control.shapes.shape import Shape, build_pattern
+from msrr_control.shapes.tasks import plan_tasks
+from msrr_control.tracks.route_finder import RouteFinder
+from msrr_control.tracks.route_params import RouteParams
+from msrr_control.tracks.track import TrackBuilder
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages.coordination import (
@@ -697,7 +697,7 @@ def test_ground_is_not_freed_by_silence(rig: type[Rig], starts: Starts) -> None:
 def test_a_shape_that_does_not_fit_ends_the_mission_with_the_reason(rig: type[Rig], starts: Starts) -> None:
     whole = rig(Mission(), {}).knowledge
     small = RouteFinder(whole.lanes.body, RouteParams(), (-1.1, 1.1, -1.0, 1.0))
-    run = rig(Mission(shape=build_pattern("cross", 5)), starts(0, 5), replace(whole, finder=small))
+    run = rig(Mission(shape=build_pattern("cross", 5)), starts(0, 5), knowledge=replace(whole, finder=small))
     status = run.run(20.0)
     assert status.state is MissionState.INCOMPLETE
     assert "do not fit" in status.reason
@@ -710,7 +710,7 @@ def test_who_has_made_way_does_so_again_where_a_shape_is_placed_anew(rig: type[R
     whole = rig(Mission(), {}).knowledge
     corridor = RouteFinder(whole.lanes.body, RouteParams(), (-1.3, 1.3, -0.5, 0.5))
     starts = {name: SE2(x, 0.0, 0.0) for name, x in (("a", 0.3), ("b", 1.0), ("c", -0.3), ("d", -1.0))}
-    run = rig(Mission(shape=build_pattern("line", 2)), starts, replace(whole, finder=corridor))
+    run = rig(Mission(shape=build_pattern("line", 2)), starts, knowledge=replace(whole, finder=corridor))
     run.units["d"].dead_s = 0.0
     while run.now_ns < 20e9 and not run.coordinator._siting.moves:
         for unit in run.coordinator._units.values():

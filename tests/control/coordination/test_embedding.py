@@ -11,7 +11,7 @@ import pytest
 
 from msrr_control.coordination.embedding import assign, embedding, place_costs
 from msrr_control.coordination.knowledge import Knowledge
-from msrr_control.coordination.shape import build_pattern
+from msrr_control.shapes.shape import build_pattern
 from msrr_scenes.geometry.se2 import SE2
 
 Starts = Callable[[int, int], dict[str, SE2]]

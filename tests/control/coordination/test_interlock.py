@@ -7,8 +7,8 @@ import numpy as np
 from msrr_control.coordination.interlock import Interlock
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
-from msrr_control.coordination.track import Track, TrackBuilder
 from msrr_control.path_following.path import Path
+from msrr_control.tracks.track import Track, TrackBuilder
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages.coordination import UnitState
 

@@ -16,9 +16,9 @@ import pytest
 
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.route_params import RouteParams
-from msrr_control.coordination.route_request import RouteRequest, Standing
-from msrr_control.coordination.shape import Shape, build_pattern
+from msrr_control.shapes.shape import Shape, build_pattern
+from msrr_control.tracks.route_params import RouteParams
+from msrr_control.tracks.route_request import RouteRequest, Standing
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.messages.coordination import MissionState, UnitState
@@ -150,7 +150,7 @@ def test_every_pattern_of_six_becomes_every_other(rig: type[Rig]) -> None:
         times = []
         for one in (False, True):
             mission = Mission(shape=new, holders=holders, one_by_one=one)
-            run = rig(mission, {names[k]: X for k, X in poses.items()}, wide)
+            run = rig(mission, {names[k]: X for k, X in poses.items()}, knowledge=wide)
             times.append(_complete(run, new))
         ratios.append(times[0] / times[1])
     print(f"{len(ratios)} reconfigurations: makespan over one by one {statistics.median(ratios):.3f}")

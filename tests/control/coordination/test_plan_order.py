@@ -12,8 +12,8 @@ import pytest
 
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.route_params import RouteParams
-from msrr_control.coordination.tasks import plan_tasks
+from msrr_control.shapes.tasks import plan_tasks
+from msrr_control.tracks.route_params import RouteParams
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
@@ -104,7 +104,7 @@ def test_a_plan_whose_list_closes_a_lane_is_completed(
         if [t.name for t in plan_tasks(*_with(plan, wide))] != [step.label for step in plan[0]]
     ]
     steps, there = differ[which]
-    run = rig(Mission(steps=steps), there, wide)
+    run = rig(Mission(steps=steps), there, knowledge=wide)
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
     assert run.joints == {step.unit: step.to for step in steps}
@@ -158,7 +158,7 @@ def test_a_unit_that_leaves_goes_before_one_that_docks_behind_it(rig: type[Rig],
     assert [task.name for task in tasks] == ["b", "c"]
     X_WD = behind @ SE2(0.0, 0.3, math.pi / 2)
     dock = DockStep(unit="c", to="d.rear", after=())
-    run = rig(Mission(steps=[dock, out], holders={"b": "a.rear"}), there | {"d": X_WD}, wide)
+    run = rig(Mission(steps=[dock, out], holders={"b": "a.rear"}), there | {"d": X_WD}, knowledge=wide)
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
     assert run.joints == {"c": "d.rear"}
@@ -169,7 +169,7 @@ def test_random_plans_are_completed(plans: list[Plan], wide: Knowledge, rig: typ
     """All but those in which a unit to be docked to was sent out of the way: its lanes are new."""
     complete = 0
     for steps, there in plans:
-        run = rig(Mission(steps=steps), there, wide)
+        run = rig(Mission(steps=steps), there, knowledge=wide)
         status = run.run()
         moved = any(run.units[step.target_unit].route > 0 for step in steps)
         assert status.state is MissionState.COMPLETE or moved, status.reason

@@ -8,8 +8,8 @@ import pytest
 
 from msrr_control.coordination.ledger import SAME_M, UnitRecord
 from msrr_control.coordination.mission import Patience
-from msrr_control.coordination.track import Track, TrackBuilder, standing
 from msrr_control.coordination.watch import Watch
+from msrr_control.tracks.track import Track, TrackBuilder, standing
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages.coordination import UnitMode, UnitReport, UnitState
 

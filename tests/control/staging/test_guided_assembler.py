@@ -9,22 +9,22 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.coordinator import Coordinator
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import SAME_M
 from msrr_control.coordination.mission import Mission
-from msrr_control.coordination.route_params import RouteParams
-from msrr_control.coordination.shape import Shape
-from msrr_control.coordination.track import track_of
 from msrr_control.kinematics.unicycle import advance_pose, drive
 from msrr_control.path_following.c1 import C1PathFollowingLaw
 from msrr_control.path_following.path import Path
 from msrr_control.sequence.observation import GiveUp, Observation
+from msrr_control.shapes.bodies import Body
+from msrr_control.shapes.shape import Shape
 from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_control.staging.parameters import AssemblyParams
 from msrr_control.staging.registry import build_guided
 from msrr_control.staging.setup import AssemblySetup
+from msrr_control.tracks.route_params import RouteParams
+from msrr_control.tracks.track import track_of
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.messages import ArenaEstimate, FailureReason, GlobalPose, ObstacleEstimate, Twist

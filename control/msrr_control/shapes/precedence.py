@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msrr_control.coordination.bodies import Body
-from msrr_control.coordination.shape import LEAST_GAP_M
 from msrr_control.planning.route import RouteSpec
+from msrr_control.shapes.bodies import Body
+from msrr_control.shapes.shape import LEAST_GAP_M
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 

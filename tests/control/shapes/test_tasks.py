@@ -6,7 +6,7 @@ import pytest
 
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.task_list import TaskList
-from msrr_control.coordination.tasks import Task, TaskKind, TaskState, plan_tasks
+from msrr_control.shapes.tasks import Task, TaskKind, TaskState, plan_tasks
 from msrr_scenes.errors import SceneError
 from msrr_scenes.specs.mission import AssembledPair, RadioSpec
 from msrr_scenes.specs.plan import DockStep, MoveStep, UndockStep

@@ -9,8 +9,9 @@ import pytest
 
 from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
-from msrr_control.coordination.route_request import RouteRequest, Standing
-from msrr_control.coordination.track import (
+from msrr_control.path_following.path import Path
+from msrr_control.tracks.route_request import RouteRequest, Standing
+from msrr_control.tracks.track import (
     GAP_M,
     PORT_GAP_M,
     SPACING_M,
@@ -21,7 +22,6 @@ from msrr_control.coordination.track import (
     standing,
     track_of,
 )
-from msrr_control.path_following.path import Path
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import GlobalPose
 from msrr_scenes.messages.coordination import LegKind, UnitMode, UnitReport, UnitState

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from msrr_control.coordination.track import path_of
+from msrr_control.tracks.track import path_of
 from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg
 from msrr_scenes.specs.vehicle import LimitsSpec
 

@@ -9,16 +9,16 @@ from itertools import takewhile
 
 import numpy as np
 
-from msrr_control.coordination.bodies import Body
-from msrr_control.coordination.precedence import compose
-from msrr_control.coordination.route_params import RouteParams
-from msrr_control.coordination.route_request import RouteRequest, Standing
-from msrr_control.coordination.track import GAP_M, SPACING_M, Track, TrackBuilder, first_contact
 from msrr_control.path_following.path import Path
 from msrr_control.planning.free_space import Disc
 from msrr_control.planning.lane import in_lane
 from msrr_control.planning.route import ARENA_BORDER, ArenaMap
 from msrr_control.planning.route_planner import RoutePlanner
+from msrr_control.shapes.bodies import Body
+from msrr_control.shapes.precedence import compose
+from msrr_control.tracks.route_params import RouteParams
+from msrr_control.tracks.route_request import RouteRequest, Standing
+from msrr_control.tracks.track import GAP_M, SPACING_M, Track, TrackBuilder, first_contact
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate

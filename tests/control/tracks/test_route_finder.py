@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from msrr_control.coordination.knowledge import Knowledge
-from msrr_control.coordination.route_request import RouteRequest, Standing
-from msrr_control.coordination.track import GAP_M
+from msrr_control.tracks.route_request import RouteRequest, Standing
+from msrr_control.tracks.track import GAP_M
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import LegKind

@@ -10,15 +10,15 @@ from typing import get_args
 import pytest
 
 from msrr_control.coordination.knowledge import Knowledge
-from msrr_control.coordination.least_hops import Form, Ports, least_hops
-from msrr_control.coordination.reconfiguration import (
+from msrr_control.shapes.least_hops import Form, Ports, least_hops
+from msrr_control.shapes.reconfiguration import (
     Hop,
     Reconfiguration,
     assembly_ports,
     reconfiguration_tasks,
     shape_ports,
 )
-from msrr_control.coordination.shape import Shape, build_pattern
+from msrr_control.shapes.shape import Shape, build_pattern
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.specs.mission import Pattern

@@ -7,8 +7,8 @@ import math
 import cv2
 import numpy as np
 
-from msrr_control.coordination.bodies import Body
 from msrr_control.coordination.knowledge import Knowledge
+from msrr_control.shapes.bodies import Body
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 
-from msrr_control.coordination.bodies import ACTIVE_PORT, Body
+from msrr_control.shapes.bodies import ACTIVE_PORT, Body
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.specs.mission import Pattern, ShapeSpec
@@ -98,7 +98,7 @@ class Shape:
         """Return why no order of docking can build this shape, as far as its places tell; None if none does.
 
         Lanes that what was built closes are the matter of
-        :func:`~msrr_control.coordination.precedence.precede`.
+        :func:`~msrr_control.shapes.precedence.precede`.
         """
         taken: dict[tuple[str | None, str], str] = {}
         for place in self.places[1:]:

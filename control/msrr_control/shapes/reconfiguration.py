@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msrr_control.coordination.least_hops import Form, Ports, least_hops
-from msrr_control.coordination.precedence import Lanes
-from msrr_control.coordination.shape import LEAST_GAP_M, Shape
-from msrr_control.coordination.tasks import Task, TaskKind
+from msrr_control.shapes.least_hops import Form, Ports, least_hops
+from msrr_control.shapes.precedence import Lanes
+from msrr_control.shapes.shape import LEAST_GAP_M, Shape
+from msrr_control.shapes.tasks import Task, TaskKind
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 

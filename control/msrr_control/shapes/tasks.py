@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from enum import Enum
 from graphlib import CycleError
 
-from msrr_control.coordination.bodies import Body
-from msrr_control.coordination.precedence import Lanes, Stay, precede, topological_order
-from msrr_control.coordination.shape import Shape
+from msrr_control.shapes.bodies import Body
+from msrr_control.shapes.precedence import Lanes, Stay, precede, topological_order
+from msrr_control.shapes.shape import Shape
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.specs.plan import DockStep, PlanStep, UndockStep, predecessors, steps_of_target

@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_control.coordination.bodies import Body
-from msrr_control.coordination.precedence import compose
 from msrr_control.path_following.path import Path
+from msrr_control.shapes.bodies import Body
+from msrr_control.shapes.precedence import compose
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages.coordination import LegKind, RouteLeg

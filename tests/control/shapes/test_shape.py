@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from msrr_control.coordination.knowledge import Knowledge
-from msrr_control.coordination.shape import Shape, build_pattern
-from msrr_control.coordination.tasks import shape_tasks
+from msrr_control.shapes.shape import Shape, build_pattern
+from msrr_control.shapes.tasks import shape_tasks
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.specs.mission import Pattern, ShapeSpec

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from msrr_control.coordination.authority import MovementAuthority
-from msrr_control.coordination.track import TrackBuilder
 from msrr_control.path_following.path import Path
+from msrr_control.tracks.authority import MovementAuthority
+from msrr_control.tracks.track import TrackBuilder
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages.coordination import Authority, RouteLeg
 from msrr_scenes.specs.vehicle import LimitsSpec
