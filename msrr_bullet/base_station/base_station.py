@@ -9,8 +9,8 @@ from dataclasses import replace
 from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_control.coordination.coordinator import Coordinator
 from msrr_control.coordination.embedding import fits
-from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.shapes.bodies import ACTIVE_PORT
 from msrr_control.shapes.shape import Shape
 from msrr_control.shapes.tasks import plan_tasks, shape_tasks
@@ -67,7 +67,7 @@ class BaseStation:
         self._radius_m = {unit: scene.geometry(unit).circumradius for unit in units}
         self._radius_m |= {name: spec.radius_m for name, spec in scene.obstacles.items()}
         self._tracker = ArenaTracker(model)
-        self._coordinator = Coordinator(mission_of(scene), units, knowledge_of(scene))
+        self._coordinator = Coordinator(mission_of(scene), units, coordination_setup(scene))
         self._units = units
         self._profiler = profiler or NullProfiler()
         self._observed: dict[str, int] = {}  # time of the newest measurement that was passed on, by unit
@@ -139,11 +139,11 @@ def check_mission(scene: Scene) -> None:
             overhead camera sees of the arena, or a unit is sent to where it is not seen.
     """
     mission = mission_of(scene)
-    knowledge = knowledge_of(scene)
-    x0, x1, y0, y1 = knowledge.finder.box
+    setup = coordination_setup(scene)
+    x0, x1, y0, y1 = setup.finder.box
     if mission.shape is None:
         try:
-            plan_tasks(mission.steps, mission.holders, knowledge.lanes)
+            plan_tasks(mission.steps, mission.holders, setup.lanes)
         except SceneError as error:
             raise SceneError(f"plan: {error}") from error
     for k, step in enumerate(mission.steps):
@@ -157,12 +157,12 @@ def check_mission(scene: Scene) -> None:
         assert mission.shape is not None
         key = dotted(scene.shape_key(k))
         try:
-            shape_tasks(mission.shape, knowledge.lanes)
+            shape_tasks(mission.shape, setup.lanes)
         except SceneError as error:
             raise SceneError(f"{key}: {error}") from error
         # An assembly takes another shape where it stands, which is not known here.
         anywhere = k == 0 and not scene.assembled
-        if anywhere and not fits(mission.shape, knowledge.lanes, knowledge.finder.box):
+        if anywhere and not fits(mission.shape, setup.lanes, setup.finder.box):
             raise SceneError(
                 f"{key}: the shape and the lanes to it do not fit into the {x1 - x0:.2f} m by "
                 f"{y1 - y0:.2f} m of the arena that the overhead camera sees; take fewer units, enlarge the "
@@ -188,7 +188,7 @@ def mission_of(scene: Scene) -> Mission:
     return replace(mission, one_by_one=scene.one_by_one, holders=scene.holders)
 
 
-def knowledge_of(scene: Scene) -> Knowledge:
+def coordination_setup(scene: Scene) -> CoordinationSetup:
     """Return what a base station works with: geometry, parameters of routes, and the ground that is seen.
 
     Raises:
@@ -212,7 +212,7 @@ def knowledge_of(scene: Scene) -> Knowledge:
     box = max(x0), min(x1), max(y0), min(y1)  # where every unit is seen: a large top tag is not at the edge
     routes = RouteParams(params.route, params.walls, params.pace)
     retreat_m = scene.docking.retreat_m + 0.05
-    return Knowledge.of(first, routes, box, retreat_m, setups[0].border, _distance_error(scene))
+    return CoordinationSetup.of(first, routes, box, retreat_m, setups[0].border, _distance_error(scene))
 
 
 def _distance_error(scene: Scene) -> float:

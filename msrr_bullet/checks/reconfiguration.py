@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from msrr_bullet.base_station.base_station import knowledge_of, mission_of
+from msrr_bullet.base_station.base_station import coordination_setup, mission_of
 from msrr_control.coordination.mission import Mission
 from msrr_control.shapes.reconfiguration import assembly_ports, reconfiguration_tasks
 from msrr_scenes.checks.problems import dotted
@@ -22,16 +22,14 @@ def check_reconfiguration(scene: Scene) -> None:
     if not scene.assembled or not scene.shape:
         return
     stage: Mission | None = mission_of(scene)
-    knowledge, holders = knowledge_of(scene), scene.holders
+    setup, holders = coordination_setup(scene), scene.holders
     root = next(iter(assembly_ports(holders)))
     X_WR = nominal_units(scene)[root]
     for k in range(len(scene.shape)):
         assert stage is not None
         assert stage.shape is not None
         try:
-            reconfiguration_tasks(
-                holders, stage.shape, knowledge.lanes, X_WR, knowledge.finder.box, stage.named
-            )
+            reconfiguration_tasks(holders, stage.shape, setup.lanes, X_WR, setup.finder.box, stage.named)
         except SceneError as error:
             raise SceneError(
                 f"{dotted(scene.shape_key(k))}: {error}; move units.{root}.pose, enlarge the arena, or raise "

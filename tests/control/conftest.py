@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from msrr_control.coordination.knowledge import Knowledge
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
 from msrr_control.kinematics.drive_limits import nested_limit
@@ -180,9 +180,9 @@ def random_starts(seed: int, count: int, box: tuple[float, float, float, float] 
 
 
 @pytest.fixture(scope="session")
-def knowledge() -> Knowledge:
+def setup() -> CoordinationSetup:
     """The shipped unit in an arena of 4 m by 3 m."""
-    return Knowledge.of(read_unit(find_urdf("unit.urdf")), RouteParams(), BOX)
+    return CoordinationSetup.of(read_unit(find_urdf("unit.urdf")), RouteParams(), BOX)
 
 
 @pytest.fixture(scope="session")

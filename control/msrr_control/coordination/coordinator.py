@@ -11,10 +11,10 @@ from dataclasses import replace
 
 from msrr_control.coordination.dispatcher import Dispatcher
 from msrr_control.coordination.interlock import Interlock
-from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission, Patience
 from msrr_control.coordination.recall import Recall
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.siting import Siting, check_shapes
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.coordination.unit_states import UnitStates
@@ -34,22 +34,22 @@ from msrr_scenes.messages.coordination import (
 class Coordinator:
     """A state machine: reports and estimates in, authorities out; the same inputs give the same outputs."""
 
-    def __init__(self, mission: Mission, units: Iterable[str], knowledge: Knowledge) -> None:
+    def __init__(self, mission: Mission, units: Iterable[str], setup: CoordinationSetup) -> None:
         """Begin before anything was seen or heard.
 
         Args:
             mission: What is to be reached.
             units: Names of all units.
-            knowledge: Geometry, routes and assumed speeds.
+            setup: Geometry, routes and assumed speeds.
 
         Raises:
             SceneError: The shape cannot be built, or the plan contradicts itself.
         """
-        self._know, self._patience = knowledge, Patience()
-        self._units = {name: UnitRecord(name, retreat_m=knowledge.retreat_m) for name in units}
-        self._interlock = Interlock(knowledge.lanes.body)
-        self._dispatcher = Dispatcher(knowledge, self._units, self._interlock, mission.one_by_one)
-        check_shapes(mission, knowledge.lanes)
+        self._setup, self._patience = setup, Patience()
+        self._units = {name: UnitRecord(name, retreat_m=setup.retreat_m) for name in units}
+        self._interlock = Interlock(setup.lanes.body)
+        self._dispatcher = Dispatcher(setup, self._units, self._interlock, mission.one_by_one)
+        check_shapes(mission, setup.lanes)
         for name, port in mission.holders.items():
             holder, _, passive = port.partition(".")
             self._units[name].holder = (holder, passive)
@@ -68,7 +68,7 @@ class Coordinator:
 
     def _set_out(self, mission: Mission) -> None:
         """Begin a mission, or the next one of several."""
-        self._mission, self._siting = mission, Siting(mission, self._know)
+        self._mission, self._siting = mission, Siting(mission, self._setup)
         self._reason, self._tasks = "waits for the first sight of the units", TaskList(())
         for unit in self._units.values():
             unit.task, unit.evasions = None, 0

@@ -10,8 +10,8 @@ import numpy as np
 
 from msrr_control.coordination.embedding import assign, place_costs
 from msrr_control.coordination.interlock import Interlock, clear_of_tracks
-from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.target_place import place_of_target
 from msrr_control.coordination.task_ends import TaskEnds
 from msrr_control.coordination.task_list import TaskList
@@ -35,15 +35,15 @@ class Dispatcher:
 
     def __init__(
         self,
-        knowledge: Knowledge,
+        setup: CoordinationSetup,
         units: Mapping[str, UnitRecord],
         interlock: Interlock,
         one_by_one: bool,
     ) -> None:
         """Bind the dispatcher to the ledger, whose records it changes."""
-        self._know, self._units, self._interlock = knowledge, units, interlock
+        self._setup, self._units, self._interlock = setup, units, interlock
         self._one_by_one = one_by_one
-        self.ends = TaskEnds(knowledge.lanes, units)
+        self.ends = TaskEnds(setup.lanes, units)
         self._order = 0
         self.obstacles: tuple[ObstacleEstimate, ...] = ()
         self.wanted: dict[str, str] = {}
@@ -90,7 +90,7 @@ class Dispatcher:
     def _costs(self, units: list[UnitRecord], free: list[Task], tasks: TaskList) -> Array:
         poses = [self.ends.pose_of(task, tasks) or SE2() for task in free]
         places = np.array([X.as_array() for X in poses]).reshape(-1, 3)
-        return place_costs(np.array([unit.pose.as_array() for unit in units]), places, self._know.travel)
+        return place_costs(np.array([unit.pose.as_array() for unit in units]), places, self._setup.travel)
 
     # Grants.
 
@@ -146,24 +146,24 @@ class Dispatcher:
         X_WE = self.ends.pose_of(task, tasks)
         reason = self.ends.hindrance(unit, X_WE, enters)
         if reason is None:
-            reason = self._know.finder.obstruction(self._request(unit, X_WE, enters))
+            reason = self._setup.finder.obstruction(self._request(unit, X_WE, enters))
         return f"{name} {reason or 'finds no route'}"
 
     def ahead_in_lane(self, unit: UnitRecord) -> str | None:
         """Return the obstacle that a unit under way would meet in the lane of its port, None without one."""
         if not unit.under_way or unit.track is None or unit.enters is None:
             return None
-        return self._know.finder.ahead_in_lane(unit.track, unit.progress, self.obstacles)
+        return self._setup.finder.ahead_in_lane(unit.track, unit.progress, self.obstacles)
 
     def _grant(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None, now_ns: int) -> bool:
         """Give a unit a route of its own; return whether there is one."""
         if self.ends.hindrance(unit, X_WE, enters) is not None:
             return False
         others = [u for u in self._units.values() if u.name != unit.name and u.X_WU is not None]
-        if not clear_of_tracks(unit.pose, unit, others, self._know.lanes.body):
+        if not clear_of_tracks(unit.pose, unit, others, self._setup.lanes.body):
             self.waits_for_tracks = True
             return False
-        track = self._know.finder.find(self._request(unit, X_WE, enters))
+        track = self._setup.finder.find(self._request(unit, X_WE, enters))
         if track is None:
             return False
         self._order += 1
@@ -185,7 +185,7 @@ class Dispatcher:
         return RouteRequest(
             unit.pose,
             X_WE,
-            [other.standing(units, enters, self._know.lanes.body) for other in others],
+            [other.standing(units, enters, self._setup.lanes.body) for other in others],
             self.obstacles,
             dock=enters is not None,
             leaves=None if unit.holder is None else unit.holder[0],
@@ -215,7 +215,7 @@ class Dispatcher:
                 unit
                 for unit in idle
                 if unit.name not in partners
-                and any(self._know.lanes.closed_by(X_WE, unit.pose) for X_WE in lanes)
+                and any(self._setup.lanes.closed_by(X_WE, unit.pose) for X_WE in lanes)
             ]
             own = [unit for unit in idle if unit.name == assigned]
             X_WE = lanes[0]
@@ -240,7 +240,7 @@ class Dispatcher:
             return False
         if all(t.unit is None or self._reaches(self._units[t.unit], t, tasks) for t in docks):
             return False
-        X_WR = place_of_target(target, tasks.open, self._units, self._know, self.obstacles)
+        X_WR = place_of_target(target, tasks.open, self._units, self._setup, self.obstacles)
         if X_WR is None or not self._grant(target, X_WR, None, now_ns):
             return False
         target.task, target.evasions = None, target.evasions + 1
@@ -265,14 +265,14 @@ class Dispatcher:
             if other.docks or other.name in holders or other.out_of_action
         }
         kept = [s for s in request.standing if s.name in stay or s.name in (request.leaves, request.enters)]
-        return self._know.finder.find(replace(request, standing=kept)) is not None
+        return self._setup.finder.find(replace(request, standing=kept)) is not None
 
     def _stays_closed(self, X_WE: SE2) -> bool:
         """Return whether an obstacle, or a unit out of action, stands in the lane of a docked pose."""
-        if self._know.finder.in_lane(X_WE, self.obstacles) is not None:
+        if self._setup.finder.in_lane(X_WE, self.obstacles) is not None:
             return True
         out = [u.pose for u in self._units.values() if u.out_of_action and u.X_WU is not None]
-        return any(self._know.lanes.closed_by(X_WE, X_WB) for X_WB in out)
+        return any(self._setup.lanes.closed_by(X_WE, X_WB) for X_WB in out)
 
     def _evade(self, unit: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
         """Send a unit to a waiting place; return whether it goes."""
@@ -281,7 +281,7 @@ class Dispatcher:
             X for task in tasks.open for X in self.ends.lanes_of(task, tasks, assigned.get(task.name))
         ]
         others = [u for u in self._units.values() if u.name != unit.name and u.X_WU is not None]
-        places = waiting_places(self._know.lanes, self._know.finder.box, open_poses, others, self.obstacles)
+        places = waiting_places(self._setup.lanes, self._setup.finder.box, open_poses, others, self.obstacles)
         distance = np.hypot(places[:, 0] - unit.pose.x, places[:, 1] - unit.pose.y)
         nearest = [k for k in np.argsort(distance, kind="stable").tolist() if distance[k] > WAITING_ROOM_M]
         for k in nearest[:_WAITING_PLACES]:

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from msrr_control.coordination.embedding import embedding
-from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.shapes.precedence import Lanes
 from msrr_control.shapes.reconfiguration import (
     Reconfiguration,
@@ -36,17 +36,17 @@ class Siting:
         moves: How often it had to be chosen again.
     """
 
-    def __init__(self, mission: Mission, knowledge: Knowledge) -> None:
+    def __init__(self, mission: Mission, setup: CoordinationSetup) -> None:
         """Begin before anything is chosen.
 
         Raises:
             SceneError: The shape cannot be built, or the plan contradicts itself.
         """
-        self._mission, self._know = mission, knowledge
+        self._mission, self._setup = mission, setup
         if mission.shape is None:
-            self._tasks = plan_tasks(mission.steps, mission.holders, knowledge.lanes)
+            self._tasks = plan_tasks(mission.steps, mission.holders, setup.lanes)
         else:
-            self._tasks = shape_tasks(mission.shape, knowledge.lanes)
+            self._tasks = shape_tasks(mission.shape, setup.lanes)
         self.chosen, self.moves = False, 0
 
     def choose(
@@ -65,7 +65,7 @@ class Siting:
             SceneError: The shape cannot be built from what is there; the message says why.
         """
         mission, shape = self._mission, self._mission.shape
-        lanes, box = self._know.lanes, self._know.finder.box
+        lanes, box = self._setup.lanes, self._setup.finder.box
         self.chosen, units = True, list(units)
         if shape is None:
             seen = {unit.name: unit.pose for unit in units if unit.X_WU is not None}
@@ -88,7 +88,7 @@ class Siting:
             there,
             lanes,
             box,
-            self._know.travel,
+            self._setup.travel,
             named=mission.named,
             keep_out=keep_out,
             later=mission.later_shapes,

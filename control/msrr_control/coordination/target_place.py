@@ -10,8 +10,8 @@ import math
 from collections.abc import Mapping, Sequence
 
 from msrr_control.coordination.embedding import embedding
-from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.shapes.shape import Place, Shape
 from msrr_control.shapes.tasks import Task, TaskKind
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
@@ -25,7 +25,7 @@ def place_of_target(
     target: UnitRecord,
     tasks: Sequence[Task],
     units: Mapping[str, UnitRecord],
-    know: Knowledge,
+    setup: CoordinationSetup,
     obstacles: Sequence[ObstacleEstimate],
 ) -> SE2 | None:
     """Return where the target of some tasks has to stand; None if that is where it is, or nowhere.
@@ -34,14 +34,14 @@ def place_of_target(
         target: Unit that carries nobody.
         tasks: Tasks that are open.
         units: All units.
-        know: Lanes of the units, and the arena.
+        setup: Lanes of the units, and the arena.
         obstacles: Obstacles that have been seen.
     """
     shape = _tree(target.name, tasks)
     there = {place.name: units[place.name] for place in shape.places}
     if any(unit.X_WU is None for unit in there.values()):
         return None
-    lanes = know.lanes
+    lanes = setup.lanes
     keep_out = [
         (unit.pose.x, unit.pose.y, lanes.body.radius)
         for unit in units.values()
@@ -49,7 +49,7 @@ def place_of_target(
     ]
     keep_out += [(obstacle.X_WB.x, obstacle.X_WB.y, obstacle.radius) for obstacle in obstacles]
     poses = {name: unit.pose for name, unit in there.items()}
-    found = embedding(shape, poses, lanes, know.finder.box, know.travel, named=True, keep_out=keep_out)
+    found = embedding(shape, poses, lanes, setup.finder.box, setup.travel, named=True, keep_out=keep_out)
     if found is None:
         return None
     off = target.pose.inverse() @ found.X_WR

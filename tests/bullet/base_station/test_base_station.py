@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.base_station.base_station import BaseStation, knowledge_of
+from msrr_bullet.base_station.base_station import BaseStation, coordination_setup
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
@@ -80,4 +80,4 @@ def test_a_law_without_routes_is_refused(scene: Scene) -> None:
 def test_units_of_two_kinds_are_refused(scene: Scene) -> None:
     other = scene.units["c"].model_copy(update={"urdf": "other.urdf"})
     with pytest.raises(SceneError, match=r"units\.c\.urdf: .* units of one kind; see 'a'"):
-        knowledge_of(scene.model_copy(update={"units": {**scene.units, "c": other}}))
+        coordination_setup(scene.model_copy(update={"units": {**scene.units, "c": other}}))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.base_station.base_station import BaseStation, check_mission, knowledge_of, mission_of
+from msrr_bullet.base_station.base_station import BaseStation, check_mission, coordination_setup, mission_of
 from msrr_scenes import load_scene
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages.coordination import MissionState, UnitState
@@ -66,7 +66,7 @@ def test_a_unit_is_not_sent_to_where_it_is_not_seen() -> None:
 def test_the_largest_top_tag_is_seen_wherever_units_are_sent() -> None:
     low = {**NEAR, "cameras.overhead.height_m": "1.6", "plan": "[{move: a}]", "tags.top_m": "0.04"}
     larger = {**low, "units.b.tag_sizes_m": "{tag_top: 0.1}"}
-    small, large = (knowledge_of(load_scene("two_units_free", o)).finder.box for o in (low, larger))
+    small, large = (coordination_setup(load_scene("two_units_free", o)).finder.box for o in (low, larger))
     assert large[1] < small[1] - 0.01
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from msrr_bullet.base_station.base_station import knowledge_of
+from msrr_bullet.base_station.base_station import coordination_setup
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.staging.parameters import AssemblyParams
@@ -28,7 +28,7 @@ def test_a_unit_may_turn_where_a_route_passes_another_one(grade: str) -> None:
     """Both may be off their tracks by what they overshoot; one that its monitor held would block both."""
     scene = load_scene("assemble_zigzag", {"as_built": grade})
     tracker = ArenaTracker(OverheadModel.from_scene(scene.told(), ("a", "b")))
-    body = knowledge_of(scene.told()).lanes.body
+    body = coordination_setup(scene.told()).lanes.body
     least = GAP_M + body.extra_gap - STRAY_M
     for yaw in np.radians([0.0, 20.0, 45.0, 70.0]):
         X_WA = SE2(0.3, -0.2, float(yaw))

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 from msrr_control.coordination.coordinator import Coordinator
-from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.shapes.bodies import Body
 from msrr_control.shapes.reconfiguration import assembly_ports, shape_ports
 from msrr_control.shapes.shape import Shape
@@ -261,7 +261,7 @@ class Rig:
 
     mission: Mission
     starts: Mapping[str, SE2]
-    knowledge: Knowledge
+    setup: CoordinationSetup
     radio: RadioSpec = field(default_factory=RadioSpec)
     seed: int = 0
     dies: Mapping[str, tuple[float, bool]] = field(default_factory=dict)
@@ -275,14 +275,14 @@ class Rig:
     noisy_s: float = math.inf  # time after which they have settled
 
     def __post_init__(self) -> None:
-        body = self.knowledge.lanes.body
+        body = self.setup.lanes.body
         self.units = {
             name: ToyUnit(
                 name, X, body, self.mission.holders.get(name), *self.dies.get(name, (math.inf, False))
             )
             for name, X in self.starts.items()
         }
-        self.coordinator = Coordinator(self.mission, self.starts, self.knowledge)
+        self.coordinator = Coordinator(self.mission, self.starts, self.setup)
         self._rng = np.random.default_rng([self.seed, 1])
         self._radio = Radio(self.radio, np.random.default_rng(self.seed))
         self._granted: dict[tuple[str, int], float] = {}
@@ -405,14 +405,14 @@ class Rig:
             return
         first = np.array([a.X_WU.as_array() for a, _ in pairs])
         second = np.array([b.X_WU.as_array() for _, b in pairs])
-        close = self.knowledge.lanes.body.near(first, second, 0.06)
+        close = self.setup.lanes.body.near(first, second, 0.06)
         for k in np.flatnonzero(close).tolist():
-            gap = float(self.knowledge.lanes.body.gaps(first[k], second[k]))
+            gap = float(self.setup.lanes.body.gaps(first[k], second[k]))
             self.least_gap = min(self.least_gap, gap)
             assert gap > 0.0, f"{pairs[k][0].name} and {pairs[k][1].name} touch at {self.now_ns * 1e-9:.1f} s"
 
 
 @pytest.fixture(scope="session")
-def rig(knowledge: Knowledge) -> Callable[..., Rig]:
+def rig(setup: CoordinationSetup) -> Callable[..., Rig]:
     """The rig's class, with the shipped units in the arena of 4 m by 3 m if nothing else is said."""
-    return partial(Rig, knowledge=knowledge)
+    return partial(Rig, setup=setup)

@@ -13,9 +13,9 @@ from typing import Any, get_args
 
 import pytest
 
-from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import SAME_M, UnitRecord
 from msrr_control.coordination.mission import Mission, Patience
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.watch import Watch
 from msrr_control.shapes.reconfiguration import shape_ports
 from msrr_control.shapes.shape import Shape, build_pattern
@@ -291,7 +291,7 @@ def test_a_unit_that_hears_of_its_route_after_it_was_lost_is_not_taken_for_one_t
 
 def test_a_unit_that_is_found_in_the_port_that_it_was_to_leave_stays_there(rig: type[Rig]) -> None:
     """It never heard of its route, and meanwhile a unit that does not move was put behind it."""
-    body = rig(Mission(), {}).knowledge.lanes.body
+    body = rig(Mission(), {}).setup.lanes.body
     X_WA = SE2(0.5, 0.0, 0.0)
     place = body.docked(X_WA, "rear")
     starts = {"a": X_WA, "b": place, "dead": SE2(-1.5, 1.0, 0.0)}
@@ -452,7 +452,7 @@ def test_an_assembly_takes_another_shape(rig: type[Rig]) -> None:
     line, tee = build_pattern("line", 5), build_pattern("tee", 5)
     names = {place.name: f"u{k}" for k, place in enumerate(line.places)}
     holders = {names[p.name]: f"{names[p.parent]}.{p.port}" for p in line.places if p.parent is not None}
-    body = rig(Mission(), {}).knowledge.lanes.body
+    body = rig(Mission(), {}).setup.lanes.body
     poses = line.poses(SE2(0.9, -0.2, 0.1), body)
     run = rig(Mission(shape=tee, holders=holders), {names[k]: X for k, X in poses.items()})
     status = run.run()
@@ -500,7 +500,7 @@ def test_a_shape_is_built_where_there_is_room_for_those_after_it(rig: type[Rig])
 
 
 def test_an_assembly_without_room_for_the_shape_says_so(rig: type[Rig]) -> None:
-    body = rig(Mission(), {}).knowledge.lanes.body
+    body = rig(Mission(), {}).setup.lanes.body
     X_WA = SE2(0.9, 0.9, 0.0)
     starts = {"a": X_WA, "b": body.docked(X_WA, "rear")}
     tree = Shape.from_tree({"a": "root", "b": "a.left"})
@@ -532,7 +532,7 @@ def test_an_explicit_plan_runs_in_its_order(rig: type[Rig]) -> None:
         DockStep(unit="a", to="b.rear", name="dock", after=("leave",)),
         MoveStep(move="c", pose=PoseSpec(x_m=-1.2, y_m=-0.9, yaw_deg=90), name="park", after=("leave",)),
     ]
-    body = rig(Mission(), {}).knowledge.lanes.body
+    body = rig(Mission(), {}).setup.lanes.body
     X_WB = SE2(0.5, 0.2, 0.0)
     starts = {"a": SE2(-1.3, 0.9, 0.5), "b": X_WB, "c": body.docked(X_WB, "left")}
     run = rig(Mission(steps=steps, holders={"c": "b.left"}), starts)
@@ -637,7 +637,7 @@ def test_nobody_sets_out_for_the_port_of_a_unit_that_has_failed(rig: type[Rig]) 
 
 
 def test_one_behind_a_unit_that_undocks_makes_way(rig: type[Rig]) -> None:
-    body = rig(Mission(), {}).knowledge.lanes.body
+    body = rig(Mission(), {}).setup.lanes.body
     X_WA = SE2(0.5, 0.0, 0.0)
     place = body.docked(X_WA, "rear")
     for distance in (0.3, 0.8):
@@ -650,7 +650,7 @@ def test_one_behind_a_unit_that_undocks_makes_way(rig: type[Rig]) -> None:
 
 
 def test_a_unit_that_carries_another_one_gets_no_route(rig: type[Rig]) -> None:
-    body = rig(Mission(), {}).knowledge.lanes.body
+    body = rig(Mission(), {}).setup.lanes.body
     X_WA = SE2(0.5, 0.0, 0.0)
     starts = {"a": X_WA, "b": body.docked(X_WA, "rear")}
     steps = [MoveStep(move="a", pose=PoseSpec(x_m=-1.0))]
@@ -663,13 +663,13 @@ def test_a_unit_that_carries_another_one_gets_no_route(rig: type[Rig]) -> None:
 
 @pytest.mark.parametrize("target_first", [True, False])
 def test_nobody_docks_to_a_unit_that_has_yet_to_drive(
-    target_first: bool, rig: type[Rig], knowledge: Knowledge
+    target_first: bool, rig: type[Rig], setup: CoordinationSetup
 ) -> None:
     """The two steps may be carried out in any order, and only one order of them can be."""
     steps = [MoveStep(move="b", name="away", pose=PoseSpec(x_m=0.9), after=()),
              DockStep(unit="a", to="b.rear", after=())]  # fmt: skip
     steps = steps if target_first else steps[::-1]
-    assert [task.name for task in plan_tasks(steps, {}, knowledge.lanes)] == ["away", "a"]
+    assert [task.name for task in plan_tasks(steps, {}, setup.lanes)] == ["away", "a"]
     starts = {"a": SE2(-1.2, 0.0, 0.0), "b": SE2(-0.2, 0.6, 0.0)}
     run = rig(Mission(steps=steps), starts)
     status = run.run()
@@ -695,9 +695,9 @@ def test_ground_is_not_freed_by_silence(rig: type[Rig], starts: Starts) -> None:
 
 
 def test_a_shape_that_does_not_fit_ends_the_mission_with_the_reason(rig: type[Rig], starts: Starts) -> None:
-    whole = rig(Mission(), {}).knowledge
+    whole = rig(Mission(), {}).setup
     small = RouteFinder(whole.lanes.body, RouteParams(), (-1.1, 1.1, -1.0, 1.0))
-    run = rig(Mission(shape=build_pattern("cross", 5)), starts(0, 5), knowledge=replace(whole, finder=small))
+    run = rig(Mission(shape=build_pattern("cross", 5)), starts(0, 5), setup=replace(whole, finder=small))
     status = run.run(20.0)
     assert status.state is MissionState.INCOMPLETE
     assert "do not fit" in status.reason
@@ -707,10 +707,10 @@ def test_a_shape_that_does_not_fit_ends_the_mission_with_the_reason(rig: type[Ri
 
 def test_who_has_made_way_does_so_again_where_a_shape_is_placed_anew(rig: type[Rig]) -> None:
     """In a corridor; the root fails at the start, and for it they have made way as often as they may."""
-    whole = rig(Mission(), {}).knowledge
+    whole = rig(Mission(), {}).setup
     corridor = RouteFinder(whole.lanes.body, RouteParams(), (-1.3, 1.3, -0.5, 0.5))
     starts = {name: SE2(x, 0.0, 0.0) for name, x in (("a", 0.3), ("b", 1.0), ("c", -0.3), ("d", -1.0))}
-    run = rig(Mission(shape=build_pattern("line", 2)), starts, knowledge=replace(whole, finder=corridor))
+    run = rig(Mission(shape=build_pattern("line", 2)), starts, setup=replace(whole, finder=corridor))
     run.units["d"].dead_s = 0.0
     while run.now_ns < 20e9 and not run.coordinator._siting.moves:
         for unit in run.coordinator._units.values():
@@ -742,7 +742,7 @@ def test_a_unit_that_fails_without_a_task_takes_none_from_another(rig: type[Rig]
 def test_the_root_of_an_assembly_stays_where_it_is(rig: type[Rig]) -> None:
     """Also when nobody is docked to it any more, and the one that has left cannot come back."""
     tree = Shape.from_tree({"a": "root", "b": "a.left"})
-    body = rig(Mission(), {}).knowledge.lanes.body
+    body = rig(Mission(), {}).setup.lanes.body
     X_WA = SE2(0.2, 0.0, 0.0)
     starts = {"a": X_WA, "b": body.docked(X_WA, "rear"), "dead": SE2(-1.7, 1.2, 0.0)}
     run = rig(Mission(shape=tree, holders={"b": "a.rear"}), starts)
@@ -793,7 +793,7 @@ def test_nobody_is_led_to_where_a_target_was_to_stand(held: int, dies_s: float, 
     starts = {"b": SE2(-1.7, -1.2, 0.7), "c": SE2(1.2, 0.8, math.pi), "d": SE2(1.2, -0.9, 0.5)}
     run = rig(Mission(steps=steps), {**starts, "e": SE2(-0.2, 1.2, 0.5)})
     run.units["b"].held_routes, run.units["b"].held_m, run.units["b"].dies_s = held, 0.35, dies_s
-    body = run.knowledge.lanes.body
+    body = run.setup.lanes.body
     while run.status.state is MissionState.RUNNING:
         run.step()
         for step in steps:
@@ -823,9 +823,9 @@ def test_a_target_that_the_plan_has_sent_too_near_to_the_border_is_sent_on(rig: 
     assert run.units["c"].route == 0, "it is in nobody's way"
 
 
-def test_a_turn_that_nobody_has_driven_is_not_over(knowledge: Knowledge) -> None:
+def test_a_turn_that_nobody_has_driven_is_not_over(setup: CoordinationSetup) -> None:
     """One of 13 mm at the wheels counted as driven, and was granted and counted anew every 0.2 s."""
-    builder = TrackBuilder(SE2(), knowledge.lanes.body.offset)
+    builder = TrackBuilder(SE2(), setup.lanes.body.offset)
     builder.turn_to(0.1)
     unit = UnitRecord("a", SE2(), state=UnitState.UNDER_WAY, track=builder.track(), seen_ns=1)
     assert 0.0 < builder.track().length < SAME_M

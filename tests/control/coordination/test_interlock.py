@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_control.coordination.interlock import Interlock
-from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.path_following.path import Path
 from msrr_control.tracks.track import Track, TrackBuilder
 from msrr_scenes.geometry.se2 import SE2
@@ -20,9 +20,9 @@ def _under_way(name: str, track: Track, order: int, holder: tuple[str, str] | No
     return unit
 
 
-def test_a_unit_is_let_out_of_its_port_only_when_it_can_leave_it_whole(knowledge: Knowledge) -> None:
+def test_a_unit_is_let_out_of_its_port_only_when_it_can_leave_it_whole(setup: CoordinationSetup) -> None:
     """It does not set off for a part of the way: said to be free to go, it counted as failed 30 s later."""
-    body, interlock = knowledge.lanes.body, Interlock(knowledge.lanes.body)
+    body, interlock = setup.lanes.body, Interlock(setup.lanes.body)
     out = TrackBuilder(SE2(0.2, 0.0, 0.0), body.offset)
     out.back(0.3)
     out.turn_to(1.5)

@@ -14,8 +14,8 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 
-from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.shapes.shape import Shape, build_pattern
 from msrr_control.tracks.route_params import RouteParams
 from msrr_control.tracks.route_request import RouteRequest, Standing
@@ -121,9 +121,9 @@ def test_after_a_failure_all_is_built_that_somebody_can_reach(
 
 def _is_reachable(run: Rig, shape: Shape, name: str) -> bool:
     """Whether a unit that is left can reach a place, past the units that are docked or have failed."""
-    knowledge, place = run.knowledge, shape.by_name[name]
+    setup, place = run.setup, shape.by_name[name]
     units = {unit.task: unit for unit in run.status.units if unit.state is UnitState.DOCKED}
-    poses = shape.poses(run.units[units[shape.root.name].unit].X_WU, knowledge.lanes.body)
+    poses = shape.poses(run.units[units[shape.root.name].unit].X_WU, setup.lanes.body)
     standing = [
         Standing(unit.unit, run.units[unit.unit].X_WU, unit.state is UnitState.DOCKED)
         for unit in run.status.units
@@ -132,7 +132,7 @@ def _is_reachable(run: Rig, shape: Shape, name: str) -> bool:
     left = [run.units[unit.unit].X_WU for unit in run.status.units if unit.state is UnitState.IDLE]
     parent = units[place.parent].unit
     return any(
-        knowledge.finder.find(RouteRequest(X_WU, poses[name], standing, dock=True, enters=parent)) is not None
+        setup.finder.find(RouteRequest(X_WU, poses[name], standing, dock=True, enters=parent)) is not None
         for X_WU in left
     )
 
@@ -140,7 +140,7 @@ def _is_reachable(run: Rig, shape: Shape, name: str) -> bool:
 @pytest.mark.nightly
 @pytest.mark.timeout(3000)
 def test_every_pattern_of_six_becomes_every_other(rig: type[Rig]) -> None:
-    wide = Knowledge.of(read_unit(find_urdf("unit.urdf")), RouteParams(), (-3.5, 3.5, -3.5, 3.5))
+    wide = CoordinationSetup.of(read_unit(find_urdf("unit.urdf")), RouteParams(), (-3.5, 3.5, -3.5, 3.5))
     ratios = []
     for first, second in itertools.permutations(get_args(Pattern), 2):
         old, new = build_pattern(first, 6), build_pattern(second, 6)
@@ -150,7 +150,7 @@ def test_every_pattern_of_six_becomes_every_other(rig: type[Rig]) -> None:
         times = []
         for one in (False, True):
             mission = Mission(shape=new, holders=holders, one_by_one=one)
-            run = rig(mission, {names[k]: X for k, X in poses.items()}, knowledge=wide)
+            run = rig(mission, {names[k]: X for k, X in poses.items()}, setup=wide)
             times.append(_complete(run, new))
         ratios.append(times[0] / times[1])
     print(f"{len(ratios)} reconfigurations: makespan over one by one {statistics.median(ratios):.3f}")

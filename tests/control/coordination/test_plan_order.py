@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.mission import Mission
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.shapes.tasks import plan_tasks
 from msrr_control.tracks.route_params import RouteParams
 from msrr_scenes.errors import SceneError
@@ -30,14 +30,14 @@ TREE = {"u1": "u0.left", "u2": "u1.rear", "u3": "u0.rear", "u4": "u2.right",
 
 
 @pytest.fixture(scope="module")
-def wide() -> Knowledge:
+def wide() -> CoordinationSetup:
     """The shipped unit in an arena of 5 m by 4 m."""
-    return Knowledge.of(read_unit(find_urdf("unit.urdf")), RouteParams(), (-2.5, 2.5, -2.0, 2.0))
+    return CoordinationSetup.of(read_unit(find_urdf("unit.urdf")), RouteParams(), (-2.5, 2.5, -2.0, 2.0))
 
 
-def random_plan(seed: int, knowledge: Knowledge) -> Plan | None:
+def random_plan(seed: int, setup: CoordinationSetup) -> Plan | None:
     """Four units dock to three that stand anywhere; None unless their order matters and there is one."""
-    rng, body, lanes = np.random.default_rng(seed), knowledge.lanes.body, knowledge.lanes
+    rng, body, lanes = np.random.default_rng(seed), setup.lanes.body, setup.lanes
 
     def drawn(others: dict[str, SE2], x: float, y: float, apart: float) -> SE2:
         while True:
@@ -69,12 +69,12 @@ def random_plan(seed: int, knowledge: Knowledge) -> Plan | None:
 
 
 @pytest.fixture(scope="module")
-def plans(wide: Knowledge) -> list[Plan]:
+def plans(wide: CoordinationSetup) -> list[Plan]:
     found = [random_plan(seed, wide) for seed in range(300)]
     return [plan for plan in found if plan is not None]
 
 
-def test_in_the_order_of_a_plan_every_lane_is_open(plans: list[Plan], wide: Knowledge) -> None:
+def test_in_the_order_of_a_plan_every_lane_is_open(plans: list[Plan], wide: CoordinationSetup) -> None:
     """The law that the order stands for, step by step; in the order of the list many would find a body."""
     lanes, as_listed = wide.lanes, 0
     assert len(plans) >= 20
@@ -96,7 +96,7 @@ def test_in_the_order_of_a_plan_every_lane_is_open(plans: list[Plan], wide: Know
 
 @pytest.mark.parametrize("which", range(3))
 def test_a_plan_whose_list_closes_a_lane_is_completed(
-    which: int, plans: list[Plan], wide: Knowledge, rig: type[Rig]
+    which: int, plans: list[Plan], wide: CoordinationSetup, rig: type[Rig]
 ) -> None:
     differ = [
         plan
@@ -104,17 +104,17 @@ def test_a_plan_whose_list_closes_a_lane_is_completed(
         if [t.name for t in plan_tasks(*_with(plan, wide))] != [step.label for step in plan[0]]
     ]
     steps, there = differ[which]
-    run = rig(Mission(steps=steps), there, knowledge=wide)
+    run = rig(Mission(steps=steps), there, setup=wide)
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
     assert run.joints == {step.unit: step.to for step in steps}
 
 
-def _with(plan: Plan, knowledge: Knowledge) -> tuple[Any, ...]:
-    return plan[0], {}, knowledge.lanes, plan[1]
+def _with(plan: Plan, setup: CoordinationSetup) -> tuple[Any, ...]:
+    return plan[0], {}, setup.lanes, plan[1]
 
 
-def test_what_the_author_wrote_holds_whatever_the_lanes(plans: list[Plan], wide: Knowledge) -> None:
+def test_what_the_author_wrote_holds_whatever_the_lanes(plans: list[Plan], wide: CoordinationSetup) -> None:
     for steps, there in plans:
         last = next(task for task in plan_tasks(steps, {}, wide.lanes, there) if task.behind)
         first = last.behind[0]
@@ -127,13 +127,13 @@ def _steps(*order: str, **after: tuple[str, ...]) -> list[DockStep]:
     return [DockStep(unit=unit, to=TREE[unit], after=after.get(unit, ())) for unit in order]
 
 
-def test_units_that_are_locked_to_each_other_need_not_be_seen(wide: Knowledge) -> None:
+def test_units_that_are_locked_to_each_other_need_not_be_seen(wide: CoordinationSetup) -> None:
     for order in ("u1", "u2", "u3", "u4", "u5", "u6", "u7"), ("u7", "u6", "u5", "u4", "u2", "u1", "u3"):
         tasks = [task.name for task in plan_tasks(_steps(*order), {}, wide.lanes)]
         assert tasks.index("u3") < tasks.index("u7")
 
 
-def test_an_order_that_closes_a_lane_is_refused_and_the_steps_are_named(wide: Knowledge) -> None:
+def test_an_order_that_closes_a_lane_is_refused_and_the_steps_are_named(wide: CoordinationSetup) -> None:
     text = r"step 'u3' cannot be done: 'u7' stands in the lane .* since step 'u7'; change `after`"
     with pytest.raises(SceneError, match=text):
         plan_tasks(_steps(*TREE, u3=("u7",)), {}, wide.lanes)
@@ -145,7 +145,9 @@ def test_an_order_that_closes_a_lane_is_refused_and_the_steps_are_named(wide: Kn
     assert [task.name for task in plan_tasks(steps, held, wide.lanes)] == ["u7", "u3"]
 
 
-def test_a_unit_that_leaves_goes_before_one_that_docks_behind_it(rig: type[Rig], wide: Knowledge) -> None:
+def test_a_unit_that_leaves_goes_before_one_that_docks_behind_it(
+    rig: type[Rig], wide: CoordinationSetup
+) -> None:
     """And before one that drives there, whose end the plan names."""
     body = wide.lanes.body
     X_WA = SE2(0.5, 0.0, 0.0)
@@ -158,18 +160,18 @@ def test_a_unit_that_leaves_goes_before_one_that_docks_behind_it(rig: type[Rig],
     assert [task.name for task in tasks] == ["b", "c"]
     X_WD = behind @ SE2(0.0, 0.3, math.pi / 2)
     dock = DockStep(unit="c", to="d.rear", after=())
-    run = rig(Mission(steps=[dock, out], holders={"b": "a.rear"}), there | {"d": X_WD}, knowledge=wide)
+    run = rig(Mission(steps=[dock, out], holders={"b": "a.rear"}), there | {"d": X_WD}, setup=wide)
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
     assert run.joints == {"c": "d.rear"}
 
 
 @pytest.mark.nightly
-def test_random_plans_are_completed(plans: list[Plan], wide: Knowledge, rig: type[Rig]) -> None:
+def test_random_plans_are_completed(plans: list[Plan], wide: CoordinationSetup, rig: type[Rig]) -> None:
     """All but those in which a unit to be docked to was sent out of the way: its lanes are new."""
     complete = 0
     for steps, there in plans:
-        run = rig(Mission(steps=steps), there, knowledge=wide)
+        run = rig(Mission(steps=steps), there, setup=wide)
         status = run.run()
         moved = any(run.units[step.target_unit].route > 0 for step in steps)
         assert status.state is MissionState.COMPLETE or moved, status.reason

@@ -7,7 +7,7 @@ import math
 import cv2
 import numpy as np
 
-from msrr_control.coordination.knowledge import Knowledge
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.shapes.bodies import Body
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
@@ -26,8 +26,8 @@ def _distance(body: Body, X_WA: SE2, X_WB: SE2) -> float:
     return min(_corner_distance(a, b), _corner_distance(b, a))
 
 
-def test_a_gap_is_the_distance_or_a_little_less(knowledge: Knowledge) -> None:
-    body, rng = knowledge.lanes.body, np.random.default_rng(1)
+def test_a_gap_is_the_distance_or_a_little_less(setup: CoordinationSetup) -> None:
+    body, rng = setup.lanes.body, np.random.default_rng(1)
     for _ in range(400):
         X_WA = SE2(*rng.uniform(-math.pi, math.pi, 3))
         X_WB = X_WA @ SE2(*rng.uniform([-0.5, -0.5, -math.pi], [0.5, 0.5, math.pi]))
@@ -38,8 +38,8 @@ def test_a_gap_is_the_distance_or_a_little_less(knowledge: Knowledge) -> None:
         np.testing.assert_allclose(gap, body.gap(X_WB, X_WA), atol=1e-12)
 
 
-def test_a_gap_to_a_disc_is_the_distance_or_a_little_less(knowledge: Knowledge) -> None:
-    body, rng = knowledge.lanes.body, np.random.default_rng(4)
+def test_a_gap_to_a_disc_is_the_distance_or_a_little_less(setup: CoordinationSetup) -> None:
+    body, rng = setup.lanes.body, np.random.default_rng(4)
     outline = body.outline.astype(np.float32).reshape(-1, 1, 2)
     poses = rng.uniform([-0.5, -0.5, -math.pi], [0.5, 0.5, math.pi], (200, 3))
     gaps = body.gaps_to_disc(poses, 0.1, -0.2, 0.05)
@@ -51,16 +51,16 @@ def test_a_gap_to_a_disc_is_the_distance_or_a_little_less(knowledge: Knowledge) 
             assert 0.92 * distance - 1e-6 <= gap + 0.05 <= distance + 1e-6
 
 
-def test_bodies_in_each_other_have_a_negative_gap(knowledge: Knowledge) -> None:
-    body, rng = knowledge.lanes.body, np.random.default_rng(2)
+def test_bodies_in_each_other_have_a_negative_gap(setup: CoordinationSetup) -> None:
+    body, rng = setup.lanes.body, np.random.default_rng(2)
     for _ in range(100):
         X_WA = SE2(*rng.uniform(-1.0, 1.0, 3))
         assert body.gap(X_WA, X_WA @ SE2(*rng.uniform([-0.13, -0.13, -3.0], [0.13, 0.13, 3.0]))) < 0.0
 
 
-def test_near_asks_the_same_as_the_gap(knowledge: Knowledge) -> None:
+def test_near_asks_the_same_as_the_gap(setup: CoordinationSetup) -> None:
     """The circles by which most pairs are decided decide them as the bodies do."""
-    body, rng = knowledge.lanes.body, np.random.default_rng(3)
+    body, rng = setup.lanes.body, np.random.default_rng(3)
     a = rng.uniform([-0.5, -0.5, -3.0], [0.5, 0.5, 3.0], (60, 3))
     b = rng.uniform([-0.5, -0.5, -3.0], [0.5, 0.5, 3.0], (50, 3))
     for wanted in (0.0, 0.02, 0.05):
@@ -72,7 +72,7 @@ def test_near_asks_the_same_as_the_gap(knowledge: Knowledge) -> None:
         np.testing.assert_array_equal(near, gaps < wanted)
 
 
-def test_docked_neighbours_at_a_corner_are_28_mm_apart(knowledge: Knowledge) -> None:
-    body = knowledge.lanes.body
+def test_docked_neighbours_at_a_corner_are_28_mm_apart(setup: CoordinationSetup) -> None:
+    body = setup.lanes.body
     gap = body.gap(body.docked(SE2(), "rear"), body.docked(SE2(), "left"))
     assert abs(gap - math.sqrt(2.0) * 0.02) < 1e-6

@@ -9,7 +9,7 @@ from typing import get_args
 
 import pytest
 
-from msrr_control.coordination.knowledge import Knowledge
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.shapes.least_hops import Form, Ports, least_hops
 from msrr_control.shapes.reconfiguration import (
     Hop,
@@ -36,7 +36,7 @@ def _least(start: set[Ports], goal: set[Ports]) -> int:
     return len(goal - start)
 
 
-def _made(start: Mapping[Ports, str], hops: Sequence[Hop], knowledge: Knowledge) -> dict[Ports, str]:
+def _made(start: Mapping[Ports, str], hops: Sequence[Hop], setup: CoordinationSetup) -> dict[Ports, str]:
     """Return the form to which the hops lead, each of which has to be one that a unit can make."""
     taken = dict(start)
     for leaves, enters in hops:
@@ -51,32 +51,32 @@ def _made(start: Mapping[Ports, str], hops: Sequence[Hop], knowledge: Knowledge)
                 for place in sorted(taken)
             }
         )
-        assert shape.problem(knowledge.lanes.body) is None
+        assert shape.problem(setup.lanes.body) is None
     return taken
 
 
 @pytest.mark.parametrize(("first", "second"), PAIRS)
 def test_every_hop_can_be_made_and_the_last_one_ends_in_the_shape(
-    first: Pattern, second: Pattern, knowledge: Knowledge
+    first: Pattern, second: Pattern, setup: CoordinationSetup
 ) -> None:
     start, goal = _form(build_pattern(first, 5)), _form(build_pattern(second, 5))
-    hops = Reconfiguration(knowledge.lanes, SE2(), WIDE).hops(start, goal)
-    assert _made(start, hops, knowledge) == goal
+    hops = Reconfiguration(setup.lanes, SE2(), WIDE).hops(start, goal)
+    assert _made(start, hops, setup) == goal
     assert len(hops) >= _least(set(start), set(goal))
 
 
-def test_the_largest_common_part_stays_where_leaves_allow_it(knowledge: Knowledge) -> None:
+def test_the_largest_common_part_stays_where_leaves_allow_it(setup: CoordinationSetup) -> None:
     for first, second, hops in (("line", "tee", 2), ("cross", "line", 3), ("comb", "tee", 1)):
         start, goal = _form(build_pattern(first, 6)), _form(build_pattern(second, 6))
-        found = Reconfiguration(knowledge.lanes, SE2(), WIDE).hops(start, goal)
+        found = Reconfiguration(setup.lanes, SE2(), WIDE).hops(start, goal)
         assert len(found) == _least(set(start), set(goal)) == hops
 
 
 @pytest.mark.parametrize("other", ["line", "tee", "cross", "comb"])
-def test_the_search_is_quick_where_units_have_to_step_aside(other: Pattern, knowledge: Knowledge) -> None:
+def test_the_search_is_quick_where_units_have_to_step_aside(other: Pattern, setup: CoordinationSetup) -> None:
     """Of the patterns these need the most hops more than there are places to fill."""
     start, goal = _form(build_pattern(other, 12)), _form(build_pattern("zigzag", 12))
-    search = Reconfiguration(knowledge.lanes, SE2(), WIDE)
+    search = Reconfiguration(setup.lanes, SE2(), WIDE)
     there, back = search.hops(start, goal), search.hops(goal, start)
     assert len(there) == len(back) > _least(set(start), set(goal))
 
@@ -96,12 +96,12 @@ def _distances(search: Reconfiguration, start: Form, most: int) -> dict[Form, in
 @pytest.mark.parametrize("named", [False, True])
 @pytest.mark.parametrize("pattern", get_args(Pattern))
 def test_the_bound_of_the_search_is_never_too_large_and_tells_more_than_the_places_to_fill(
-    named: bool, pattern: Pattern, knowledge: Knowledge
+    named: bool, pattern: Pattern, setup: CoordinationSetup
 ) -> None:
     """Compared with the least number of hops to every form that three or four hops lead to."""
     places = shape_ports(build_pattern(pattern, 5))
     start = frozenset((ports, name if named else "") for name, ports in places.items())
-    search = Reconfiguration(knowledge.lanes, SE2(), WIDE)
+    search = Reconfiguration(setup.lanes, SE2(), WIDE)
     tight = 0
     for form, distance in _distances(search, start, 3 if named else 4).items():
         least = least_hops(start, form, search._closes)
@@ -110,24 +110,24 @@ def test_the_bound_of_the_search_is_never_too_large_and_tells_more_than_the_plac
     assert tight > 0
 
 
-def test_units_that_change_places_step_aside(knowledge: Knowledge) -> None:
+def test_units_that_change_places_step_aside(setup: CoordinationSetup) -> None:
     """Every unit of a line takes the place before its own, and the first one the last, in few hops."""
     names = [f"u{k}" for k in range(1, 8)]
     line = [("rear",) * k for k in range(1, 8)]
     start = {(): "u0", **dict(zip(line, names, strict=True))}
     goal = {(): "u0", **dict(zip(line, [*names[1:], names[0]], strict=True))}
-    search = Reconfiguration(knowledge.lanes, SE2(), WIDE)
+    search = Reconfiguration(setup.lanes, SE2(), WIDE)
     hops = search.hops(start, goal)
-    assert _made(start, hops, knowledge) == goal
+    assert _made(start, hops, setup) == goal
     least = least_hops(frozenset(start.items()), frozenset(goal.items()), search._closes)
     assert len(names) < least <= len(hops) <= 1.5 * least
 
 
-def test_there_and_back_takes_the_same_number_of_hops(knowledge: Knowledge) -> None:
+def test_there_and_back_takes_the_same_number_of_hops(setup: CoordinationSetup) -> None:
     """Every hop can be made backwards, so the fewest of one way are the fewest of the other."""
     for first, second in itertools.combinations(get_args(Pattern), 2):
         start, goal = _form(build_pattern(first, 5)), _form(build_pattern(second, 5))
-        search = Reconfiguration(knowledge.lanes, SE2(), WIDE)
+        search = Reconfiguration(setup.lanes, SE2(), WIDE)
         assert len(search.hops(start, goal)) == len(search.hops(goal, start))
 
 
@@ -137,10 +137,10 @@ def test_an_assembly_is_one_tree() -> None:
         assembly_ports({"a": "b.rear", "c": "d.rear"})
 
 
-def test_named_units_end_where_they_are_named(knowledge: Knowledge) -> None:
+def test_named_units_end_where_they_are_named(setup: CoordinationSetup) -> None:
     holders = {"b": "a.rear", "c": "b.rear", "d": "c.rear"}
     shape = Shape.from_tree({"a": "root", "b": "a.rear", "d": "b.rear", "c": "b.left"})
-    tasks = reconfiguration_tasks(holders, shape, knowledge.lanes, SE2(), WIDE, named=True)
+    tasks = reconfiguration_tasks(holders, shape, setup.lanes, SE2(), WIDE, named=True)
     now = dict(holders)
     task_units = {task.name: task.unit for task in tasks}
     for task in tasks:
@@ -151,13 +151,13 @@ def test_named_units_end_where_they_are_named(knowledge: Knowledge) -> None:
 
 
 @pytest.mark.parametrize("pattern", ["line", "tee", "comb"])
-def test_the_tasks_of_all_hops_lead_to_the_shape(pattern: Pattern, knowledge: Knowledge) -> None:
+def test_the_tasks_of_all_hops_lead_to_the_shape(pattern: Pattern, setup: CoordinationSetup) -> None:
     """From a zigzag in a corner, where units come to a port twice on their way: both tasks had one name."""
     X_WR = SE2(-0.16, -0.91, math.radians(-45.0))
     places, goal = shape_ports(build_pattern("zigzag", 6)), build_pattern(pattern, 6)
     name_of = {ports: name for name, ports in places.items()}
     joints = {name: f"{name_of[ports[:-1]]}.{ports[-1]}" for name, ports in places.items() if ports}
-    tasks = reconfiguration_tasks(joints, goal, knowledge.lanes, X_WR, knowledge.finder.box)
+    tasks = reconfiguration_tasks(joints, goal, setup.lanes, X_WR, setup.finder.box)
     unit_of = {task.name: task.unit for task in tasks}
     assert len(unit_of) == len(tasks)
     for task in tasks:
@@ -167,10 +167,10 @@ def test_the_tasks_of_all_hops_lead_to_the_shape(pattern: Pattern, knowledge: Kn
     assert set(assembly_ports(joints).values()) == set(shape_ports(goal).values())
 
 
-def test_what_cannot_be_is_refused(knowledge: Knowledge) -> None:
+def test_what_cannot_be_is_refused(setup: CoordinationSetup) -> None:
     holders = {"b": "a.rear", "c": "b.rear"}
     with pytest.raises(SceneError, match="3 units, the shape 4"):
-        reconfiguration_tasks(holders, build_pattern("line", 4), knowledge.lanes, SE2(), WIDE)
+        reconfiguration_tasks(holders, build_pattern("line", 4), setup.lanes, SE2(), WIDE)
     narrow = (-2.0, 0.4, -0.4, 0.4)
     with pytest.raises(SceneError, match="do not fit into the arena from where the root"):
-        reconfiguration_tasks(holders, build_pattern("zigzag", 3), knowledge.lanes, SE2(), narrow)
+        reconfiguration_tasks(holders, build_pattern("zigzag", 3), setup.lanes, SE2(), narrow)

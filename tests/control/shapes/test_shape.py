@@ -8,7 +8,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from msrr_control.coordination.knowledge import Knowledge
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.shapes.shape import Shape, build_pattern
 from msrr_control.shapes.tasks import shape_tasks
 from msrr_scenes.errors import SceneError
@@ -31,17 +31,17 @@ def random_tree(rng: np.random.Generator, count: int) -> dict[str, str]:
 @pytest.mark.parametrize("pattern", PATTERNS)
 @pytest.mark.parametrize("count", range(4, 17))
 def test_every_pattern_can_be_built_with_any_number_of_units(
-    pattern: Pattern, count: int, knowledge: Knowledge
+    pattern: Pattern, count: int, setup: CoordinationSetup
 ) -> None:
     shape = Shape.of(ShapeSpec.model_validate({pattern: count}))
     assert len(shape.places) == count
     assert len(shape.by_name) == count
-    order = [task.name for task in shape_tasks(shape, knowledge.lanes)]
+    order = [task.name for task in shape_tasks(shape, setup.lanes)]
     assert sorted(order) == sorted(shape.by_name)
 
 
-def test_the_front_of_a_docked_unit_meets_the_port_face_to_face(knowledge: Knowledge) -> None:
-    body = knowledge.lanes.body
+def test_the_front_of_a_docked_unit_meets_the_port_face_to_face(setup: CoordinationSetup) -> None:
+    body = setup.lanes.body
     X_WR = SE2(0.3, -0.2, 0.7)
     shape = build_pattern("cross", 8)
     poses = shape.poses(X_WR, body)
@@ -54,8 +54,8 @@ def test_the_front_of_a_docked_unit_meets_the_port_face_to_face(knowledge: Knowl
         assert abs(X.yaw) < 1e-9
 
 
-def test_the_form_of_a_shape_does_not_depend_on_where_it_stands(knowledge: Knowledge) -> None:
-    body, shape = knowledge.lanes.body, build_pattern("zigzag", 7)
+def test_the_form_of_a_shape_does_not_depend_on_where_it_stands(setup: CoordinationSetup) -> None:
+    body, shape = setup.lanes.body, build_pattern("zigzag", 7)
     X = SE2(-1.0, 0.4, 2.0)
     here, there = shape.poses(SE2(), body), shape.poses(X, body)
     for name in here:
@@ -93,10 +93,10 @@ def test_the_form_of_a_shape_does_not_depend_on_where_it_stands(knowledge: Knowl
     ],
 )
 def test_what_cannot_be_built_is_refused_with_its_reason(
-    tree: dict[str, str], reason: str, knowledge: Knowledge
+    tree: dict[str, str], reason: str, setup: CoordinationSetup
 ) -> None:
     with pytest.raises(SceneError, match=reason):
-        shape_tasks(Shape.from_tree(tree), knowledge.lanes)
+        shape_tasks(Shape.from_tree(tree), setup.lanes)
 
 
 @pytest.mark.parametrize(
@@ -112,18 +112,20 @@ def test_what_is_no_tree_is_refused(tree: dict[str, str], reason: str) -> None:
         Shape.from_tree(tree)
 
 
-def test_in_the_order_of_precedence_every_parent_stands_and_every_lane_is_open(knowledge: Knowledge) -> None:
+def test_in_the_order_of_precedence_every_parent_stands_and_every_lane_is_open(
+    setup: CoordinationSetup,
+) -> None:
     """The law that precedence stands for, checked place by place on random trees as they are built."""
     rng = np.random.default_rng(7)
     built = 0
     for _ in range(60):
         shape = Shape.from_tree(random_tree(rng, int(rng.integers(3, 9))))
         try:
-            before = {task.name: task.behind for task in shape_tasks(shape, knowledge.lanes)}
+            before = {task.name: task.behind for task in shape_tasks(shape, setup.lanes)}
         except SceneError:
             continue
         built += 1
-        poses = shape.poses(SE2(), knowledge.lanes.body)
+        poses = shape.poses(SE2(), setup.lanes.body)
         standing: list[str] = []
         for name in before:
             place = shape.by_name[name]
@@ -131,7 +133,7 @@ def test_in_the_order_of_precedence_every_parent_stands_and_every_lane_is_open(k
             assert set(before[name]) <= set(standing)
             others = [other for other in standing if other != place.parent]
             if place.parent is not None:
-                assert not any(knowledge.lanes.closed_by(poses[name], poses[other]) for other in others)
+                assert not any(setup.lanes.closed_by(poses[name], poses[other]) for other in others)
             standing.append(name)
     assert built >= 5
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from msrr_control.coordination.knowledge import Knowledge
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.shapes.tasks import Task, TaskKind, TaskState, plan_tasks
 from msrr_scenes.errors import SceneError
@@ -16,14 +16,14 @@ def _dock(name: str, parent: str | None, *behind: str) -> Task:
     return Task(name, TaskKind.DOCK, parent=parent, port="rear", behind=behind)
 
 
-def test_a_plan_keeps_its_graph_and_the_order_of_every_unit(knowledge: Knowledge) -> None:
+def test_a_plan_keeps_its_graph_and_the_order_of_every_unit(setup: CoordinationSetup) -> None:
     steps = [
         DockStep(unit="a", to="b.rear", name="first", after=("last",)),
         UndockStep(undock="c", name="out", after=()),
         MoveStep(move="c", name="last"),  # after the step before it
         DockStep(unit="a", to="d.left", after=()),
     ]
-    tasks = plan_tasks(steps, {}, knowledge.lanes)
+    tasks = plan_tasks(steps, {}, setup.lanes)
     assert [task.name for task in tasks] == ["out", "last", "first", "a"]
     by_name = {task.name: task for task in tasks}
     assert by_name["last"].after == ("out",)
@@ -41,10 +41,10 @@ def test_a_plan_keeps_its_graph_and_the_order_of_every_unit(knowledge: Knowledge
     ],
 )
 def test_a_plan_that_cannot_be_followed_is_refused(
-    steps: list[MoveStep], reason: str, knowledge: Knowledge
+    steps: list[MoveStep], reason: str, setup: CoordinationSetup
 ) -> None:
     with pytest.raises(SceneError, match=reason):
-        plan_tasks(steps, {}, knowledge.lanes)
+        plan_tasks(steps, {}, setup.lanes)
 
 
 def test_only_what_goes_before_holds_a_task_back() -> None:

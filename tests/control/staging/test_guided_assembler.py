@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from msrr_control.coordination.coordinator import Coordinator
-from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import SAME_M
 from msrr_control.coordination.mission import Mission
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.kinematics.unicycle import advance_pose, drive
 from msrr_control.path_following.c1 import C1PathFollowingLaw
 from msrr_control.path_following.path import Path
@@ -133,7 +133,7 @@ class Fleet:
     def __init__(self, starts: dict[str, SE2], mission: Mission, seed: int = 0) -> None:
         self.body = Body.of(GEOMETRY)
         params = RouteParams(PARAMS.route, PARAMS.walls, PARAMS.pace)
-        self.coordinator = Coordinator(mission, starts, Knowledge.of(GEOMETRY, params, BOX))
+        self.coordinator = Coordinator(mission, starts, CoordinationSetup.of(GEOMETRY, params, BOX))
         self.units = {
             name: self._unit(name, X, tuple(n for n in starts if n != name)) for name, X in starts.items()
         }

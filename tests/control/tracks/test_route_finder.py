@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from msrr_control.coordination.knowledge import Knowledge
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.tracks.route_request import RouteRequest, Standing
 from msrr_control.tracks.track import GAP_M
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
@@ -20,9 +20,9 @@ Starts = Callable[[int, int], dict[str, SE2]]
 
 
 def test_routes_end_where_they_should_and_keep_clear_of_what_stands(
-    knowledge: Knowledge, starts: Starts
+    setup: CoordinationSetup, starts: Starts
 ) -> None:
-    finder, body = knowledge.finder, knowledge.lanes.body
+    finder, body = setup.finder, setup.lanes.body
     found = 0
     for seed in range(8):
         units = list(starts(seed, 5).items())
@@ -43,8 +43,8 @@ def test_routes_end_where_they_should_and_keep_clear_of_what_stands(
     assert found >= 3
 
 
-def test_a_unit_docks_and_leaves_beside_neighbours(knowledge: Knowledge) -> None:
-    finder, body = knowledge.finder, knowledge.lanes.body
+def test_a_unit_docks_and_leaves_beside_neighbours(setup: CoordinationSetup) -> None:
+    finder, body = setup.finder, setup.lanes.body
     hub = SE2(0.4, 0.0, 0.3)
     standing = [Standing("hub", hub, True), Standing("left", body.docked(hub, "left"), True)]
     place = body.docked(hub, "rear")
@@ -63,22 +63,24 @@ def test_a_unit_docks_and_leaves_beside_neighbours(knowledge: Knowledge) -> None
     assert [leg.kind for leg in only_out.legs] == [LegKind.BACK]
 
 
-def test_an_obstacle_is_driven_around(knowledge: Knowledge) -> None:
+def test_an_obstacle_is_driven_around(setup: CoordinationSetup) -> None:
     post = ObstacleEstimate("post", 0, SE2(0.0, 0.0), np.eye(3) * 1e-6, 0.08)
     start, goal = SE2(-1.3, 0.0, 0.0), SE2(1.0, 0.0, 0.0)
-    track = knowledge.finder.find(RouteRequest(start, goal, [], (post,)))
+    track = setup.finder.find(RouteRequest(start, goal, [], (post,)))
     assert track is not None
     distance = np.hypot(track.poses[:, 0], track.poses[:, 1])
-    assert float(distance.min()) > 0.08 + knowledge.lanes.body.half_width + 0.02
+    assert float(distance.min()) > 0.08 + setup.lanes.body.half_width + 0.02
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_unit_beside_an_obstacle_drives_straight_before_it_turns(knowledge: Knowledge, side: float) -> None:
+def test_a_unit_beside_an_obstacle_drives_straight_before_it_turns(
+    setup: CoordinationSetup, side: float
+) -> None:
     """A post stands 40 mm beside the body: in a turn on the spot towards the goal a corner would touch it."""
-    start, body = SE2(0.0, 0.0, math.radians(90.0 * side)), knowledge.lanes.body
+    start, body = SE2(0.0, 0.0, math.radians(90.0 * side)), setup.lanes.body
     x, y = start.act([0.05, -side * (body.half_width + 0.08 + 0.04)])
     post = ObstacleEstimate("post", 0, SE2(float(x), float(y)), np.eye(3) * 1e-6, 0.08)
-    track = knowledge.finder.find(RouteRequest(start, SE2(1.2, 0.0, 0.0), [], (post,)))
+    track = setup.finder.find(RouteRequest(start, SE2(1.2, 0.0, 0.0), [], (post,)))
     assert track is not None
     assert [leg.kind for leg in track.legs[:2]] == [LegKind.REVERSE, LegKind.TURN]
     assert not track.at_port.any()
@@ -86,9 +88,9 @@ def test_a_unit_beside_an_obstacle_drives_straight_before_it_turns(knowledge: Kn
     assert gaps.min() > 0.039
 
 
-def test_a_unit_backs_out_only_where_there_is_room(knowledge: Knowledge) -> None:
+def test_a_unit_backs_out_only_where_there_is_room(setup: CoordinationSetup) -> None:
     """It backed out of the arena, and into obstacles: only other units were looked at."""
-    finder, body = knowledge.finder, knowledge.lanes.body
+    finder, body = setup.finder, setup.lanes.body
     x0, _, _, _ = finder.box
     for inside, leaves in ((0.5, True), (0.2, False)):
         X_WU = SE2(x0 + inside, 0.0, 0.0)
@@ -105,14 +107,14 @@ def test_a_unit_backs_out_only_where_there_is_room(knowledge: Knowledge) -> None
         assert finder.behind(place, 0.3, (post,)) == (None if leaves else "post stands behind it")
 
 
-def test_where_there_is_no_way_there_is_no_track(knowledge: Knowledge) -> None:
+def test_where_there_is_no_way_there_is_no_track(setup: CoordinationSetup) -> None:
     wall = [Standing(f"w{k}", SE2(0.0, -1.5 + 0.25 * k), False) for k in range(13)]
-    assert knowledge.finder.find(RouteRequest(SE2(-1.0, 0.0, 0.0), SE2(1.0, 0.0, 0.0), wall)) is None
+    assert setup.finder.find(RouteRequest(SE2(-1.0, 0.0, 0.0), SE2(1.0, 0.0, 0.0), wall)) is None
 
 
-def test_from_beside_a_body_a_route_leads_away(knowledge: Knowledge) -> None:
+def test_from_beside_a_body_a_route_leads_away(setup: CoordinationSetup) -> None:
     """As near as here the collision monitor of a robot built with care lets a unit only drive away."""
-    finder, body, rng = knowledge.finder, knowledge.lanes.body, np.random.default_rng(0)
+    finder, body, rng = setup.finder, setup.lanes.body, np.random.default_rng(0)
     places = found = 0
     while places < 60:
         other = SE2(0.0, 0.0, rng.uniform(-math.pi, math.pi))
@@ -132,9 +134,9 @@ def test_from_beside_a_body_a_route_leads_away(knowledge: Knowledge) -> None:
     assert found > 0.75 * places
 
 
-def test_straight_ahead_is_tried_only_inside_the_box_and_clear_of_obstacles(knowledge: Knowledge) -> None:
+def test_straight_ahead_is_tried_only_inside_the_box_and_clear_of_obstacles(setup: CoordinationSetup) -> None:
     """A unit beside another one that looks over the border, or at an obstacle."""
-    finder, offset = knowledge.finder, knowledge.lanes.body.offset
+    finder, offset = setup.finder, setup.lanes.body.offset
     post = ObstacleEstimate("post", 0, SE2(0.35, 0.0, 0.0), np.eye(3) * 1e-6, 0.08)
     for X_WU, obstacles in ((SE2(finder.box[1] - 0.25, 0.2, 0.0), ()), (SE2(0.0, 0.0, 0.0), (post,))):
         standing = [Standing("other", X_WU @ SE2(-0.1, 0.26, 0.0), False)]
@@ -150,9 +152,9 @@ def test_straight_ahead_is_tried_only_inside_the_box_and_clear_of_obstacles(know
             assert not obstacles or float(np.hypot(*(tips - [0.35, 0.0]).T).min()) > 0.18
 
 
-def test_a_unit_that_was_held_beside_its_target_drives_away_before_it_turns(knowledge: Knowledge) -> None:
+def test_a_unit_that_was_held_beside_its_target_drives_away_before_it_turns(setup: CoordinationSetup) -> None:
     """It stands 40 mm from a corner of the unit that it docks to; a turn on the spot brings it nearer."""
-    body, finder = knowledge.lanes.body, knowledge.finder
+    body, finder = setup.lanes.body, setup.finder
     X_WT, X_WU = SE2(0.69, 0.175, 1.77), SE2(0.946, 0.24, -2.36)
     standing = [Standing("target", X_WT, True)]
     request = RouteRequest(X_WU, body.docked(X_WT, "left"), standing, dock=True, enters="target")
@@ -163,8 +165,8 @@ def test_a_unit_that_was_held_beside_its_target_drives_away_before_it_turns(know
     assert track.legs[0].kind is LegKind.REVERSE
 
 
-def test_what_leaves_no_route_is_told(knowledge: Knowledge) -> None:
-    finder, body = knowledge.finder, knowledge.lanes.body
+def test_what_leaves_no_route_is_told(setup: CoordinationSetup) -> None:
+    finder, body = setup.finder, setup.lanes.body
     hub = SE2(0.4, 0.0, 0.0)
     place, there = body.docked(hub, "rear"), SE2(-1.2, 0.0, 0.0)
 

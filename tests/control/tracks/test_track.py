@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from msrr_control.coordination.knowledge import Knowledge
 from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.path_following.path import Path
 from msrr_control.tracks.route_request import RouteRequest, Standing
 from msrr_control.tracks.track import (
@@ -115,9 +115,11 @@ def test_a_dock_leg_that_is_bent_ends_at_the_port_and_begins_where_it_began(X: S
     np.testing.assert_allclose(bent.docking_at(track.end).end.as_array(), track.end.as_array(), atol=1e-12)
 
 
-def test_a_port_is_where_the_docks_put_it_seen_from_any_unit_of_the_assembly(knowledge: Knowledge) -> None:
+def test_a_port_is_where_the_docks_put_it_seen_from_any_unit_of_the_assembly(
+    setup: CoordinationSetup,
+) -> None:
     """One that is on its way counts with the port that it enters, one in the open belongs to no assembly."""
-    body, X = knowledge.lanes.body, SE2(0.3, -0.2, 0.7)
+    body, X = setup.lanes.body, SE2(0.3, -0.2, 0.7)
     docks = {"b": ("a", "left"), "c": ("b", "rear"), "d": ("a", "right"), "e": ("d", "rear")}
     units = {"a": UnitRecord("a", X_WU=X, state=UnitState.DOCKED), "free": UnitRecord("free", X_WU=SE2())}
     for name, (holder, port) in docks.items():
@@ -143,9 +145,9 @@ def test_a_track_without_a_dock_leg_is_not_bent() -> None:
     np.testing.assert_array_equal(track.docking_at(SE2(3.0, 2.0, 1.0)).poses, track.poses)
 
 
-def test_two_units_that_obey_never_come_too_near(knowledge: Knowledge) -> None:
+def test_two_units_that_obey_never_come_too_near(setup: CoordinationSetup) -> None:
     """Law: wherever both may be at once, and wherever the earlier one still goes, their bodies are apart."""
-    rng, finder, body = np.random.default_rng(5), knowledge.finder, knowledge.lanes.body
+    rng, finder, body = np.random.default_rng(5), setup.finder, setup.lanes.body
     crossed = 0
     for _ in range(12):
         starts = [SE2(*rng.uniform([-1.6, -1.1, -3.0], [1.6, 1.1, 3.0])) for _ in range(2)]
@@ -172,10 +174,10 @@ def test_two_units_that_obey_never_come_too_near(knowledge: Knowledge) -> None:
     assert crossed >= 3
 
 
-def test_a_body_on_a_track_is_found_where_it_stands(knowledge: Knowledge) -> None:
+def test_a_body_on_a_track_is_found_where_it_stands(setup: CoordinationSetup) -> None:
     builder = TrackBuilder(SE2(-1.0, 0.0, 0.0), OFFSET)
     builder.follow(Path(np.array([-1.0, 0.0, 0.0]), np.zeros(1), np.array([2.0])))
-    track, body = builder.track(), knowledge.lanes.body
+    track, body = builder.track(), setup.lanes.body
     near = SE2(0.5, 0.1, 0.3)
     found = first_contact(track, near, False, body)
     assert found is not None

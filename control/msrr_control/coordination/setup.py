@@ -14,7 +14,7 @@ from msrr_scenes.geometry.unit_geometry import UnitGeometry
 
 
 @dataclass(frozen=True)
-class Knowledge:
+class CoordinationSetup:
     """What the coordinator works with; none of it changes during a mission.
 
     Attributes:
@@ -38,7 +38,7 @@ class Knowledge:
         retreat_m: float = 0.5,
         border: str = ARENA_BORDER,
         distance_error: float = 0.0,
-    ) -> Knowledge:
+    ) -> CoordinationSetup:
         """Return what follows from the units' geometry and the parameters of their routes.
 
         Args:
