@@ -7,7 +7,6 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from msrr_bullet.checks.trial import check_trial
 from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.reader import LOG_NAME, unpacked_log
 from msrr_bullet.log.recorder import NullRecorder, Recorder
@@ -27,6 +26,7 @@ from msrr_bullet.seeds import checked_seed
 from msrr_bullet.timeline.camera_views import docking_views
 from msrr_bullet.timeline.log_snapshots import read_events, read_snapshots
 from msrr_bullet.timeline.snapshot import Viewer
+from msrr_bullet.trial.check import check_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress
 from msrr_bullet.trial.trial import Trial
@@ -75,7 +75,7 @@ def run_trial(
         The result. A docking that fails is a result, not an error.
 
     Raises:
-        MsrrError: :func:`~msrr_bullet.checks.trial.check_trial` refuses the scene, or the folder cannot be
+        MsrrError: :func:`~msrr_bullet.trial.check.check_trial` refuses the scene, or the folder cannot be
             written, holds a file of such a name that belongs to no run, or is that of a run under way.
         TypeError: The seed is no whole number, or the scene is none.
         ValueError: The seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``wall_limit_s`` is

@@ -12,9 +12,9 @@ from rich.table import Table
 
 from msrr_bullet.bench.physics_alone import note_commands
 from msrr_bullet.bench.unit_cost import UnitCost, measure_unit_cost
-from msrr_bullet.checks.trial import check_trial
 from msrr_bullet.profiler import StageProfiler
 from msrr_bullet.run import run_trial
+from msrr_bullet.trial.check import check_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.errors import MsrrError

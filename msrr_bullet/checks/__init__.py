@@ -1,1 +1,1 @@
-"""Checks of a scene against what a trial builds of it: bodies, views, programs; nothing is run."""
+"""Checks of a scene against its bodies as simulation and renderer have them, and against its shapes."""

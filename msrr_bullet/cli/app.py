@@ -159,7 +159,7 @@ def check(
     The exit code is 2 if one cannot be used.
     """
     from msrr_bullet.checks.camera_views import coarse_tags
-    from msrr_bullet.checks.trial import check_trial
+    from msrr_bullet.trial.check import check_trial
     from msrr_scenes.loading.load import load_scene, scene_hash
 
     code, given = 0, parse_overrides(overrides)

@@ -62,7 +62,7 @@ def one_trial(scene: Scene, seed: int, wall_limit_s: float | None = None) -> Tri
 
 def _check(scene: Scene) -> None:
     """Refuse a scene before any trial is started; a class that fails is for the trials to count."""
-    from msrr_bullet.checks.trial import check_trial
+    from msrr_bullet.trial.check import check_trial
 
     with suppress(ProgramFailedError), redirect_stdout(sys.stderr):  # what a class of a user's own prints
         check_trial(scene)

@@ -38,7 +38,7 @@ class Trial:
         """Prepare a trial.
 
         Args:
-            scene: The scene, which :func:`msrr_bullet.checks.trial.check_trial` accepts.
+            scene: The scene, which :func:`msrr_bullet.trial.check.check_trial` accepts.
             seed: Seed of all random streams; scene, seed and versions determine every bit of the log.
             recorder: Gets every message.
             viewer: Gets a snapshot at every control instant.

@@ -19,8 +19,8 @@ import jsonschema
 import pytest
 import yaml
 
-from msrr_bullet.checks.trial import check_trial
 from msrr_bullet.run import run_trial
+from msrr_bullet.trial.check import check_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.wall_limit import WallLimitError
 from msrr_control.docking.barrier import BarrierParams

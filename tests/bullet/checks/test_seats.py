@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.checks.trial import check_trial
+from msrr_bullet.trial.check import check_trial
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.loading.load import load_scene

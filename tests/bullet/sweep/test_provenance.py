@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.checks.trial import check_trial
 from msrr_bullet.sweep.provenance import code_fingerprint
+from msrr_bullet.trial.check import check_trial
 from msrr_scenes import load_scene
 from msrr_scenes.errors import ChangedFileError
 from msrr_scenes.own_modules import import_own

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.checks.trial import check_trial
 from msrr_bullet.log import TruePose, read_log
 from msrr_bullet.replay.comparison import ReplayError
 from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.run import run_trial
+from msrr_bullet.trial.check import check_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.errors import SceneError

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.checks.trial import check_trial
 from msrr_bullet.cli.app import run
 from msrr_bullet.run import run_trial
 from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.trial.check import check_trial
 from msrr_scenes.errors import MsrrError, ProgramFailedError, SceneError
 from msrr_scenes.geometry.unit_geometry import urdf_folder
 from msrr_scenes.loading.load import load_scene
