@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
 
 from msrr_bullet.log.recorder import NullRecorder
 from msrr_bullet.profiler import Profiler
-from msrr_bullet.trial.environment import Environment, open_environment
+from msrr_bullet.trial.environment import open_environment
 from msrr_bullet.trial.telemetry import Telemetry
 from msrr_bullet.trial.trial import begin_mission
-from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import seconds
-from msrr_scenes.placement.placement import draw_placement
-from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
 
 #: Methods of a plant that change what it does next.
@@ -49,7 +45,7 @@ class CommandedPhysics:
             Wall-clock time per simulated second [ms], and the poses of all bodies at the end. They equal
             those of a trial without pull tests bit for bit.
         """
-        with _environment(self.scene, self.seed) as environment:
+        with open_environment(self.scene, self.seed) as environment:
             plant = environment.simulation.plant
             started = perf_counter()
             for stamp_ns, method, arguments in self.commands:
@@ -70,7 +66,7 @@ def note_commands(scene: Scene, seed: int, profiler: Profiler) -> CommandedPhysi
         seed: Seed of the trial.
         profiler: Measures the time of each stage.
     """
-    with _environment(scene, seed) as environment:
+    with open_environment(scene, seed) as environment:
         simulation = environment.simulation
         noted = _NotedPlant(simulation.plant)
         overheard: Any = noted  # it has every method of a plant
@@ -100,8 +96,3 @@ class _NotedPlant:
             return method(*arguments)
 
         return noted
-
-
-def _environment(scene: Scene, seed: int) -> AbstractContextManager[Environment]:
-    placement = draw_placement(scene, lambda name: stream(seed, name))
-    return open_environment(scene, seed, placement, draw_as_built(scene, seed))

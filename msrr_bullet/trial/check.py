@@ -19,11 +19,8 @@ from msrr_bullet.trial.trial import begin_mission
 from msrr_control.sequence.feasibility import check_sequence
 from msrr_control.staging.feasibility import check_assembly, check_overhead, check_time
 from msrr_control.staging.registry import ASSEMBLERS
-from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.errors import ChangedFileError, MsrrError, ProgramFailedError, SceneError
 from msrr_scenes.loading.load import check_scene
-from msrr_scenes.placement.placement import draw_placement
-from msrr_scenes.random_streams import stream
 from msrr_scenes.registry import resolve
 from msrr_scenes.specs.plan import in_order
 from msrr_scenes.specs.scene import Scene
@@ -70,8 +67,7 @@ def _check(scene: Scene) -> None:
     for camera in cameras:
         resolve("renderer", camera.renderer.name, RENDERERS)
     telemetry = Telemetry(NullRecorder(), scene)
-    placement = draw_placement(scene, lambda name: stream(0, name))
-    with open_environment(scene, 0, placement, draw_as_built(scene, 0)) as environment:
+    with open_environment(scene, 0) as environment:
         world = environment.simulation.world
         bodies = _drawn(scene, world)
         check_views(scene, world, bodies)

@@ -12,8 +12,9 @@ from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.plant.plant import Plant
 from msrr_bullet.sensors.devices import Devices
 from msrr_bullet.simulation.simulation import Simulation, open_simulation
-from msrr_scenes.as_built import AsBuilt
-from msrr_scenes.placement.placement import Placement
+from msrr_scenes.as_built import draw_as_built
+from msrr_scenes.placement.placement import draw_placement
+from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
@@ -69,18 +70,10 @@ class Environment:
 
 
 @contextmanager
-def open_environment(
-    scene: Scene, seed: int, placement: Placement, built: AsBuilt | None = None
-) -> Iterator[Environment]:
-    """Build the environment of a trial, and close it at the end.
-
-    Args:
-        scene: A checked scene.
-        seed: Seed of the trial.
-        placement: Start poses of all bodies.
-        built: What is not as the scene says; None if all is.
-    """
-    with open_simulation(scene, placement, built) as simulation:
+def open_environment(scene: Scene, seed: int) -> Iterator[Environment]:
+    """Build the environment of a trial of a checked scene, and close it at the end."""
+    placement = draw_placement(scene, lambda name: stream(seed, name))
+    with open_simulation(scene, placement, draw_as_built(scene, seed)) as simulation:
         clearance = ClearanceModel.from_scene(scene)
         locked = LockedPairs()
         for step in scene.assembled_docks:

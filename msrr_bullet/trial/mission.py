@@ -107,7 +107,7 @@ class MissionLoop(ABC):
 
     def _report_truth(self, now_ns: int) -> None:
         """Report where all bodies are at an instant after the end of the mission."""
-        self._telemetry.report(self._scene, now_ns, self._environment.simulation.poses(), (), None)
+        self._telemetry.report(now_ns, self._environment.simulation.poses(), (), None)
 
     def _observer(self) -> Callable[[], None] | None:
         """Return what is called after every tick until the next control instant, if anything has to be."""
@@ -179,7 +179,7 @@ class MissionLoop(ABC):
     def _note(self, now_ns: int, poses: Mapping[str, SE2], safety: Safety) -> None:
         """Report an instant, at which the true poses of all bodies are these."""
         with self._profiler("log"):
-            self._telemetry.report(self._scene, now_ns, poses, self._active, safety.nearest)
+            self._telemetry.report(now_ns, poses, self._active, safety.nearest)
 
     def _end(self, verdict: Verdict, units: Collection[str] = ()) -> None:
         """End the mission and all steps: they are aborted, but for those of the units whose doing it is.

@@ -9,17 +9,16 @@ from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.log.records import JUDGE, BuiltErrors, ClearanceRecord, Event, Level, StartPoses, TruePose
+from msrr_bullet.simulation.simulation import Simulation
 from msrr_bullet.timeline.camera_views import CameraViewCollector, CameraViewer
 from msrr_bullet.timeline.snapshot import Viewer
 from msrr_bullet.timeline.snapshot_builder import SnapshotBuilder
 from msrr_bullet.trial.docking_step import DockingStep
 from msrr_perception.estimation.global_estimator import pose_in_dock_frame
-from msrr_scenes.as_built import AsBuilt
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, Exposure, Phase, Pixels, seconds
 from msrr_scenes.outcome import Outcome
-from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
@@ -63,38 +62,34 @@ class Telemetry:
         observer: Callable[[Progress], None] | None = None,
     ) -> None:
         """Report on a trial of a scene to a recorder and, where given, to a viewer and to an observer."""
+        self._units = scene.units
         self._live = None if viewer is None else _LiveSnapshots(recorder, scene, viewer)
         self.recorder: Recorder = self._live or recorder
         self.is_heard = not isinstance(self.recorder, NullRecorder)
         self._observer = observer
         self._last_actions: dict[int, Action] = {}  # by the index of the step
 
-    def begin(self, placement: Placement, built: AsBuilt) -> None:
+    def begin(self, simulation: Simulation) -> None:
         """Record the start poses of all bodies, and what is not as the scene says."""
+        placement, errors = simulation.placement, simulation.built.errors
         poses = {**placement.units, **placement.obstacles}
         self.recorder.write(topics.STARTS, 0, StartPoses(placement.redraws, poses))
-        if built.errors:
-            self.recorder.write(topics.AS_BUILT, 0, BuiltErrors(dict(built.errors)))
+        if errors:
+            self.recorder.write(topics.AS_BUILT, 0, BuiltErrors(dict(errors)))
 
     def report(
-        self,
-        scene: Scene,
-        now_ns: int,
-        poses: Mapping[str, SE2],
-        steps: Sequence[DockingStep],
-        nearest: Clearance | None,
+        self, now_ns: int, poses: Mapping[str, SE2], steps: Sequence[DockingStep], nearest: Clearance | None
     ) -> None:
         """Report one control instant, after the decisions of all robots.
 
         Args:
-            scene: The scene of the trial.
             now_ns: Time of the instant.
             poses: True poses of all bodies at the instant.
             steps: The steps under way.
             nearest: Smallest true clearance of all pairs that may not touch; None without such a pair.
         """
         if self.is_heard:
-            for unit in scene.units:
+            for unit in self._units:
                 self.recorder.write(topics.true_pose(unit), now_ns, TruePose(unit, now_ns, poses[unit]))
             if nearest is not None:
                 self.recorder.write(topics.CLEARANCE, now_ns, ClearanceRecord.of(now_ns, nearest))

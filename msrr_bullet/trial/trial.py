@@ -13,12 +13,9 @@ from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress, Telemetry
 from msrr_bullet.trial.verdict import verdict_on_trial
 from msrr_bullet.wall_limit import within_wall_limit
-from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.errors import ChangedFileError
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.messages import seconds
-from msrr_scenes.placement.placement import draw_placement
-from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
 
 
@@ -64,10 +61,8 @@ class Trial:
 
     def _run(self, check_clock: Callable[[], None]) -> TrialResult:
         digest = scene_hash(self.scene)
-        placement = draw_placement(self.scene, lambda name: stream(self.seed, name))
-        built = draw_as_built(self.scene, self.seed)
-        self._telemetry.begin(placement, built)
-        with open_environment(self.scene, self.seed, placement, built) as environment:
+        with open_environment(self.scene, self.seed) as environment:
+            self._telemetry.begin(environment.simulation)
             mission = begin_mission(environment, self._telemetry, self._profiler)
             mission.run(check_clock)
             if scene_hash(self.scene) != digest:
@@ -75,7 +70,7 @@ class Trial:
                     f"{self.scene.name}, seed {self.seed}: a URDF, mesh or texture was written while the "
                     "trial ran, which counts neither for the older robot nor for the newer one. Run it again"
                 )
-            result = self._result(digest, mission, placement.redraws)
+            result = self._result(digest, mission, environment.simulation.placement.redraws)
             self._telemetry.end(environment.simulation.plant.now_ns(), result.outcome)
         return result
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -10,12 +12,13 @@ import pytest
 
 from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.sensors.calibrated_sight import OnboardSight, OverheadSight
-from msrr_bullet.trial.environment import Environment, open_environment
+from msrr_bullet.sensors.devices import Devices
+from msrr_bullet.simulation.simulation import open_simulation
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.pose.joint_pose import joint_pose
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
-from msrr_scenes.as_built import draw_as_built
+from msrr_scenes.as_built import AsBuilt, draw_as_built
 from msrr_scenes.errors import GeometryError, SceneError
 from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.pinhole import PinholeCamera
@@ -128,8 +131,11 @@ class Photographer:
         return Detections(exposure, self.tags, ())
 
 
-def environment_of(of: Scene, seed: int, placement: Placement) -> Environment:
-    return open_environment(of, seed, placement, draw_as_built(of, seed))
+@contextmanager
+def devices_of(of: Scene, seed: int, placement: Placement) -> Iterator[tuple[Devices, AsBuilt]]:
+    built = draw_as_built(of, seed)
+    with open_simulation(of, placement, built) as simulation:
+        yield Devices(simulation, seed), built
 
 
 def test_rendered_images_tell_the_robot_the_same() -> None:
@@ -141,9 +147,9 @@ def test_rendered_images_tell_the_robot_the_same() -> None:
     off = []
     for seed in range(6):
         reader = Photographer(of.cameras.onboard.pinhole)
-        with environment_of(of, seed, Placement({"b": X_WB, "a": X_WA}, {})) as environment:
-            environment.devices.onboard(step, lambda: X_DU, NullProfiler()).capture(0, reader)
-            expected = seen(OnboardSight(of, environment.simulation.built, step), X_DU)
+        with devices_of(of, seed, Placement({"b": X_WB, "a": X_WA}, {})) as (devices, built):
+            devices.onboard(step, lambda: X_DU, NullProfiler()).capture(0, reader)
+            expected = seen(OnboardSight(of, built, step), X_DU)
         found = joint_pose(told, [tag for tag in reader.tags if tag.tag_id in told.port_tags])
         assert found is not None
         assert_near(found.X_DU, expected, 2e-3, math.radians(0.4))
@@ -160,9 +166,9 @@ def test_rendered_images_from_above_tell_the_base_station_the_same() -> None:
     off = []
     for seed in range(3):
         reader = Photographer(model.camera)
-        with environment_of(of, seed, Placement(poses, {"post": post})) as environment:
-            environment.devices.overhead(NullProfiler()).capture(0, reader)
-            overhead = OverheadSight(of, environment.simulation.built)
+        with devices_of(of, seed, Placement(poses, {"post": post})) as (devices, built):
+            devices.overhead(NullProfiler()).capture(0, reader)
+            overhead = OverheadSight(of, built)
         located = model.localizer().locate(Detections(Exposure("overhead", 0, 0), reader.tags, ()))
         assert {pose.name for pose in located} == {"a", "b", "post"}
         for pose in located:
@@ -180,10 +186,10 @@ def test_the_parametric_camera_measures_what_the_sight_says() -> None:
     step = of.docks[0]
     X_WB = of.units["b"].pose.nominal
     X_WA = X_WB @ of.geometry("b").dock_frame("rear") @ X_DU
-    with environment_of(of, 2, Placement({"b": X_WB, "a": X_WA}, {})) as environment:
-        (message,) = environment.devices.onboard(step, lambda: X_DU, NullProfiler()).capture(10**9, None)
-        pose, bearings = OnboardSight(of, environment.simulation.built, step).see(X_DU)
-        clock_ns = environment.simulation.built.units["a"].camera.clock_ahead_ns
+    with devices_of(of, 2, Placement({"b": X_WB, "a": X_WA}, {})) as (devices, built):
+        (message,) = devices.onboard(step, lambda: X_DU, NullProfiler()).capture(10**9, None)
+        pose, bearings = OnboardSight(of, built, step).see(X_DU)
+        clock_ns = built.units["a"].camera.clock_ahead_ns
     assert (message.X_DU, message.edge_bearings) == (pose, bearings)
     assert message.exposure.stamp_ns == 10**9 + clock_ns
     assert clock_ns != 0

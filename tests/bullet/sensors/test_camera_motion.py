@@ -15,8 +15,6 @@ from msrr_scenes.geometry.pinhole import optical_pose
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.messages import Twist
-from msrr_scenes.placement.placement import draw_placement
-from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 
@@ -36,7 +34,7 @@ def test_a_unit_is_where_its_velocity_takes_it_for_the_next_milliseconds(shipped
     """The plant itself, 12.5 ms later, while the unit speeds up; the largest exposure of a row is 50 ms."""
     scene = shipped("close_range", {"plant": plant})
     unit = scene.plan[0].unit
-    with open_environment(scene, 0, draw_placement(scene, lambda name: stream(0, name))) as environment:
+    with open_environment(scene, 0) as environment:
         simulation = environment.simulation
         driven(environment, unit, Twist(0.15, 0.8), 24)
         X_WU = simulation.plant.pose3(unit)
@@ -56,7 +54,7 @@ def test_the_speed_of_the_image_is_that_of_the_fastest_tag(shipped: Load) -> Non
     """Against a difference quotient: corners of tags, projected where the next millisecond takes them."""
     scene = shipped("close_range")
     step = scene.plan[0]
-    with open_environment(scene, 0, draw_placement(scene, lambda name: stream(0, name))) as environment:
+    with open_environment(scene, 0) as environment:
         plant, geometry = environment.simulation.plant, scene.geometry(step.target_unit)
         camera = CameraSpec().pinhole
         X_UC = optical_pose(scene.geometry(step.unit).frame("camera"))

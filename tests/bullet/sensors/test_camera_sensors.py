@@ -13,8 +13,6 @@ from msrr_bullet.trial.environment import open_environment
 from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, Fetch, Localisation, PoseMeasurement
-from msrr_scenes.placement.placement import draw_placement
-from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
 
 YAW_DEG = 5.0
@@ -52,7 +50,7 @@ class _FullFrameReader:
 def _corners(yaw_deg: float) -> dict[int, np.ndarray]:
     """Corners of the tags in the rendered frame, by tag, each of shape (4, 2) [px]."""
     scene = _scene(yaw_deg)
-    with open_environment(scene, 3, draw_placement(scene, lambda name: stream(3, name))) as environment:
+    with open_environment(scene, 3) as environment:
         (onboard,) = environment.devices.cameras(scene.plan[0], SE2, NullProfiler())
         (measured,) = onboard.capture(0, _FullFrameReader(scene))
     assert isinstance(measured, Detections)
@@ -86,7 +84,7 @@ def test_the_model_of_a_misaligned_camera_is_turned_the_same_way(yaw_deg: float)
     for yaw in (0.0, yaw_deg):
         exact = {"sigma_xy_m": 0.0, "sigma_yaw_deg": 0.0, "sigma_bearing_deg": 0.0}
         scene = _scene(yaw, perception="parametric", parametric=exact)
-        with open_environment(scene, 3, draw_placement(scene, lambda name: stream(3, name))) as environment:
+        with open_environment(scene, 3) as environment:
             cameras = environment.devices.cameras
             (onboard,) = cameras(scene.plan[0], lambda: SE2(-0.5, 0.02, 0.05), NullProfiler())
             (measured,) = onboard.capture(0, _FullFrameReader(scene))
@@ -106,7 +104,7 @@ def test_a_lost_frame_gives_no_message_and_the_robot_is_not_asked() -> None:
         def expose(self, exposure: Exposure, fetch: Fetch) -> Detections:
             raise AssertionError("a lost frame reached the robot")
 
-    with open_environment(scene, 3, draw_placement(scene, lambda name: stream(3, name))) as environment:
+    with open_environment(scene, 3) as environment:
         (onboard,) = environment.devices.cameras(scene.plan[0], SE2, NullProfiler())
         assert onboard.capture(0, Unused(scene)) == ()
 
@@ -117,7 +115,7 @@ def test_a_robot_that_detects_nothing_sends_nothing() -> None:
             return None
 
     scene = _scene(0.0)
-    with open_environment(scene, 3, draw_placement(scene, lambda name: stream(3, name))) as environment:
+    with open_environment(scene, 3) as environment:
         (onboard,) = environment.devices.cameras(scene.plan[0], SE2, NullProfiler())
         assert onboard.capture(0, Blind(scene)) == ()
 
@@ -132,7 +130,7 @@ def test_a_localisation_error_moves_the_tag_of_the_docking_unit_alone() -> None:
         reader = _FullFrameReader(scene)
         assert scene.cameras.overhead is not None
         reader.frame = scene.cameras.overhead.pinhole.frame
-        with open_environment(scene, 3, draw_placement(scene, lambda name: stream(3, name))) as environment:
+        with open_environment(scene, 3) as environment:
             camera, _ = environment.devices.cameras(scene.plan[0], SE2, NullProfiler())
             (message,) = camera.capture(0, reader)
         assert isinstance(message, Localisation if error else Detections)

@@ -14,8 +14,6 @@ from msrr_bullet.trial.environment import open_environment
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, Fetch
-from msrr_scenes.placement.placement import draw_placement
-from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
 
 Load = Callable[..., Scene]
@@ -38,7 +36,7 @@ class WindowReader:
 
 
 def environment_of(scene: Scene, seed: int = 0):
-    return open_environment(scene, seed, draw_placement(scene, lambda name: stream(seed, name)))
+    return open_environment(scene, seed)
 
 
 @pytest.mark.parametrize("blind", [False, True])

@@ -25,8 +25,6 @@ from msrr_scenes.messages import (
     Twist,
     WheelOdometry,
 )
-from msrr_scenes.placement.placement import draw_placement
-from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
 
 
@@ -73,7 +71,7 @@ def scene(**keys: Any) -> Scene:
 
 @contextmanager
 def suite(of: Scene) -> Iterator[tuple[Environment, SensorSuite]]:
-    with open_environment(of, 3, draw_placement(of, lambda name: stream(3, name))) as environment:
+    with open_environment(of, 3) as environment:
         step, plant = of.plan[0], environment.simulation.plant
         plant.begin_dock(step)
         X_WD = plant.pose("b") @ of.geometry("b").dock_frame("rear")

@@ -18,13 +18,10 @@ from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.sensors.camera_motion import BodyMotion, CameraMotion
 from msrr_bullet.sensors.shutter import Shutter, cells_of_smear, instant_after
 from msrr_bullet.trial.environment import Environment, open_environment
-from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels, Twist
-from msrr_scenes.placement.placement import draw_placement
-from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 
@@ -239,8 +236,7 @@ def test_windows_are_the_crop_of_the_frame_with_every_effect_on(shipped: Load, c
     lens = {"as_built.onboard.k1": "-0.08", "as_built.onboard.p1": "0.003"}
     scene = shipped("close_range", lens | {f"cameras.onboard.{key}": value for key, value in keys.items()})
     rng = np.random.default_rng(12)
-    placement = draw_placement(scene, lambda name: stream(0, name))
-    with open_environment(scene, 0, placement, draw_as_built(scene, 0)) as environment:
+    with open_environment(scene, 0) as environment:
         step = scene.plan[0]
         driven(environment, step.unit, Twist(0.15, 0.8), 30)
         camera = environment.devices.onboard(step, SE2, NullProfiler()).camera

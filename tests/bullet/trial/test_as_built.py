@@ -72,8 +72,7 @@ def programs_of(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     monkeypatch.setattr(mission, "Autonomy", noted(mission.Autonomy))
     monkeypatch.setattr(coordinated_mission, "led_robot", noted(coordinated_mission.led_robot))
     monkeypatch.setattr(coordinated_mission, "BaseStation", noted(coordinated_mission.BaseStation))
-    placement = draw_placement(scene, lambda name: stream(0, name))
-    with open_environment(scene, 0, placement, draw_as_built(scene, 0)) as environment:
+    with open_environment(scene, 0) as environment:
         kind = coordinated_mission.CoordinatedMission if scene.coordinated else mission.PlannedMission
         kind(environment, Telemetry(NullRecorder(), scene), NullProfiler())
     return programs

@@ -15,8 +15,7 @@ from msrr_bullet.trial.judge import Judge
 from msrr_scenes.as_built import as_designed
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
-from msrr_scenes.placement.placement import Placement, draw_placement
-from msrr_scenes.random_streams import stream
+from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
@@ -38,7 +37,7 @@ def test_locked_pairs_hold_as_long_as_all_locks_hold(bench) -> None:
 
 def test_an_environment_is_complete_and_closed_at_the_end(shipped: Load) -> None:
     scene = shipped("three_units")
-    with open_environment(scene, 3, draw_placement(scene, lambda name: stream(3, name))) as environment:
+    with open_environment(scene, 3) as environment:
         simulation = environment.simulation
         assert simulation.world is not None
         client = simulation.world.client
