@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_bullet.plant.lock_actuator import LOCK_REACH, MAX_PULL_DISPLACEMENT, PullResult
+from msrr_bullet.plant.lock_actuator import LOCK_REACH
 from msrr_bullet.plant.plant import PortMechanism
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.pin_and_hole import PinAndHole
@@ -148,12 +148,10 @@ class KinematicPort(PortMechanism):
         if self._actuator.step(dt):
             self._catch()
 
-    def pull_test(self) -> PullResult:
+    def pull_test(self) -> bool:
         """Compare the pull with the strength of the lock; a lock that is too weak releases the unit."""
-        if self._engaged and self._spec.pull_force_n < self._spec.strength_n:
-            return PullResult(0.0, True)
-        self._engaged = False
-        return PullResult(MAX_PULL_DISPLACEMENT, False)
+        self._engaged = self._engaged and self._spec.pull_force_n < self._spec.strength_n
+        return self._engaged
 
     def _catch(self) -> None:
         self._engaged = self._inside and self._gap <= LOCK_REACH

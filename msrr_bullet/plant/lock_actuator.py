@@ -1,8 +1,6 @@
-"""The lock actuator, the travel of the seat switches and the result of a pull test, for every plant."""
+"""The lock actuator and the travel of the seat switches, for every plant."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 from msrr_scenes.messages import LockPosition
 
@@ -13,21 +11,6 @@ SWITCH_TRAVEL = 0.002
 LOCK_REACH = 0.0025
 #: Distance by which pitch and roll move a port over the floor, at most [m].
 TILT_M = 0.01
-#: A lock whose units come apart by this much under the pull has failed [m].
-MAX_PULL_DISPLACEMENT = 0.002
-
-
-@dataclass(frozen=True, slots=True)
-class PullResult:
-    """The result of pulling two units apart along the docking axis.
-
-    Attributes:
-        displacement_m: Distance by which the units came apart until the end of the test [m].
-        holds: Whether the lock still holds.
-    """
-
-    displacement_m: float
-    holds: bool
 
 
 class LockActuator:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 from msrr_bullet.plant.drivetrain import Drivetrain
 from msrr_bullet.plant.limited_drive import LimitedDrive
-from msrr_bullet.plant.lock_actuator import SWITCH_TRAVEL, LockActuator, PullResult
+from msrr_bullet.plant.lock_actuator import SWITCH_TRAVEL, LockActuator
 from msrr_scenes.as_built import AsBuilt
 from msrr_scenes.errors import MsrrError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
@@ -67,8 +67,8 @@ class PortMechanism(ABC):
         """Return whether a pin touches the other unit or what plugs the port."""
 
     @abstractmethod
-    def pull_test(self) -> PullResult:
-        """Pull the two units apart; simulated time may pass, and the lock may fail."""
+    def pull_test(self) -> bool:
+        """Pull the two units apart, and return whether the lock still holds; simulated time may pass."""
 
     def command(self, close: bool) -> None:
         """Close the lock, or open it and release the other unit, unless it jams."""
@@ -234,8 +234,8 @@ class Plant(ABC):
         mechanism = self._mechanisms.get(unit)
         return mechanism is not None and mechanism.pins_touch()
 
-    def pull_test(self, unit: str) -> PullResult:
-        """Pull at the lock of ``unit``; simulated time may pass, and the units may come apart."""
+    def pull_test(self, unit: str) -> bool:
+        """Pull at the lock of ``unit``, and return whether it still holds; simulated time may pass."""
         return self._mechanism(unit).pull_test()
 
     @abstractmethod

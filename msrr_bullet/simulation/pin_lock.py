@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from msrr_bullet.plant.lock_actuator import LOCK_REACH, MAX_PULL_DISPLACEMENT, PullResult
+from msrr_bullet.plant.lock_actuator import LOCK_REACH
 from msrr_bullet.plant.plant import PortMechanism
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.floor import levelled
@@ -28,6 +28,8 @@ from msrr_scenes.specs.vehicle import LockSpec
 
 #: Largest force of the constraint on each axis [N]: far above any load, so that the strength alone decides.
 MAX_CONSTRAINT_FORCE = 1e4
+#: A lock whose units come apart by this much under the pull has failed [m].
+MAX_PULL_DISPLACEMENT = 0.002
 #: After unlocking, contact between the units is restored once they overlap by less than this [m].
 RELEASE_OVERLAP = 0.0002
 
@@ -144,8 +146,8 @@ class PinLock(PortMechanism):
         if self._contact_disabled and not self.engaged and self._overlap() < RELEASE_OVERLAP:
             self._set_contact(True)
 
-    def pull_test(self) -> PullResult:
-        """Pull the two units apart along the docking axis and measure by how much they come apart.
+    def pull_test(self) -> bool:
+        """Pull the two units apart along the docking axis, until they come apart or the time is over.
 
         The wheels roll freely during the test; otherwise the floor could hold units that the lock does not.
         Where the floor slopes, whoever pulls keeps the units from rolling down.
@@ -153,7 +155,6 @@ class PinLock(PortMechanism):
         spec = self._spec
         hz = self._world.scene.physics_hz
         start = self._gap()
-        opened = 0.0
         with levelled(self._world.client):
             for _ in range(max(round(spec.pull_time_s * hz), 1)):
                 self._plant.rouse(self.dock_step.unit, self.dock_step.target_unit)
@@ -161,11 +162,10 @@ class PinLock(PortMechanism):
                 for unit, sign in ((self._unit, -1.0), (self._target, 1.0)):
                     self._push(unit, sign * spec.pull_force_n * axis, point)
                 self._plant.step_freewheeling()
-                opened = max(opened, self._gap() - start)
-                if opened > MAX_PULL_DISPLACEMENT:
+                if self._gap() - start > MAX_PULL_DISPLACEMENT:
                     self._release()
                     break
-        return PullResult(opened, self.engaged)
+        return self.engaged
 
     def _release(self) -> None:
         if self._constraint is not None:

@@ -186,7 +186,7 @@ class DockingStep:
             report: Called at a control instant with its time [ns], after the decision of the robot.
         """
         plant = self._plant
-        self._pull_test_passed = plant.lock_engaged(self.step.unit) and plant.pull_test(self.step.unit).holds
+        self._pull_test_passed = plant.lock_engaged(self.step.unit) and plant.pull_test(self.step.unit)
         if self._pull_test_passed:
             return
         self.verdict = Verdict(Outcome.LOCK_FAILED, "the lock failed the pull test")

@@ -93,7 +93,7 @@ class MissionLoop(ABC):
                 self._telemetry.verdict(plant.now_ns(), step)
         for dock, last in closed.items():
             if last is None:  # the pair was assembled at the start: no step has closed its lock
-                if not (plant.lock_engaged(dock.unit) and plant.pull_test(dock.unit).holds):
+                if not (plant.lock_engaged(dock.unit) and plant.pull_test(dock.unit)):
                     lock = f"the lock of {dock.unit} at {dock.to}, closed since the start,"
                     self.failed_lock = f"{lock} failed the pull test"
                     self._telemetry.event(plant.now_ns(), JUDGE, f"{dock}: lock_failed", Level.WARNING)

@@ -63,7 +63,7 @@ def test_a_tilted_pair_that_holds_its_pull_is_docked(bench: OpenBench, pitch_deg
         assert seating is not None
         assert seating.axial_gap_m == pytest.approx(0.001, abs=0.0005)
         engaged = b.plant.lock_engaged("a")
-        passed = b.plant.pull_test("a").holds
+        passed = b.plant.pull_test("a")
         assert (engaged, passed) == (True, True)
         assert judge.verdict_docked(engaged).outcome is Outcome.DOCKED
 
