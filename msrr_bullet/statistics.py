@@ -20,6 +20,9 @@ class Rate(BaseModel, frozen=True):
     high: float
 
 
+#: Two-sided level of every confidence interval.
+CONFIDENCE = 0.95
+
 #: Bounds of a confidence interval; None where the values do not bound it.
 Interval = tuple[float | None, float | None]
 
@@ -53,7 +56,7 @@ def interval_text(interval: Interval, digits: int = 2) -> str:
     return f"at least {low}" if high is None else f"{low} .. {high}"
 
 
-def wilson(successes: int, trials: int, confidence: float = 0.95) -> Rate:
+def wilson(successes: int, trials: int) -> Rate:
     """Return the success rate with Wilson's score interval.
 
     It keeps its level for rates near 0 and 1 and for few trials, where the usual normal interval collapses.
@@ -62,18 +65,15 @@ def wilson(successes: int, trials: int, confidence: float = 0.95) -> Rate:
     Args:
         successes: Number of successful trials, at most ``trials``.
         trials: Number of trials. Without any the rate is unknown and returned as 0 with the interval 0 .. 1.
-        confidence: Two-sided confidence level.
 
     Raises:
-        ValueError: A count or the confidence level is out of range.
+        ValueError: A count is out of range.
     """
     if not 0 <= successes <= trials:
         raise ValueError(f"expected 0 <= successes <= trials, found {successes} of {trials}")
-    if not 0.0 < confidence < 1.0:
-        raise ValueError(f"expected a confidence between 0 and 1, found {confidence}")
     if trials == 0:
         return Rate(rate=0.0, low=0.0, high=1.0)
-    z = NormalDist().inv_cdf(0.5 + 0.5 * confidence)
+    z = NormalDist().inv_cdf(0.5 + 0.5 * CONFIDENCE)
     p, n = successes / trials, float(trials)
     centre = (p + z * z / (2.0 * n)) / (1.0 + z * z / n)
     half = z / (1.0 + z * z / n) * math.sqrt(p * (1.0 - p) / n + z * z / (4.0 * n * n))
@@ -119,31 +119,30 @@ def quantile(values: Sequence[float] | Array, q: float) -> float:
     return float(lower + (position - index) * (upper - lower))
 
 
-def quantile_interval(values: Sequence[float] | Array, q: float, confidence: float = 0.95) -> Interval:
+def quantile_interval(values: Sequence[float] | Array, q: float) -> Interval:
     """Return a confidence interval of quantile ``q`` of the distribution that ``values`` are drawn from.
 
     Its bounds are two of the values, so that it holds for every distribution: the number of values below the
-    quantile is binomial. Each bound is wrong with at most half of the odds that ``confidence`` leaves.
+    quantile is binomial. Each bound is wrong with at most half of the odds that :data:`CONFIDENCE` leaves.
     Source: David and Nagaraja, Order Statistics, 3rd ed. (2003), section 7.1.
 
     Args:
         values: Independent values, (n,); they may be infinite.
         q: Quantile, in 0 .. 1 without the ends.
-        confidence: Two-sided confidence level.
 
     Returns:
         The bounds; None for one that no value is, for there are too few.
 
     Raises:
-        ValueError: The quantile or the confidence level is out of range.
+        ValueError: The quantile is out of range.
     """
     from scipy.special import bdtr  # a program that only reads such figures does without
 
-    if not (0.0 < q < 1.0 and 0.0 < confidence < 1.0):
-        raise ValueError(f"expected q and confidence between 0 and 1, found {q} and {confidence}")
+    if not 0.0 < q < 1.0:
+        raise ValueError(f"expected q between 0 and 1, found {q}")
     ordered = np.sort(np.asarray(values, dtype=np.float64))
     n = ordered.size
-    miss = 0.5 * (1.0 - confidence)
+    miss = 0.5 * (1.0 - CONFIDENCE)
     # Odds that at most k of the values are below the quantile, for k = 0 .. n - 1. They never fall with k.
     at_most = bdtr(np.arange(n, dtype=np.float64), n, q)
     low = int(np.searchsorted(at_most, miss, side="right"))
