@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 
 import cv2
@@ -168,13 +166,6 @@ def scene_solids(scene: Scene, built: AsBuilt) -> dict[str, Solids]:
         shown = {} if name in scene.covered_units else placed_tags(scene, built, name)
         solids[name] = Solids(own, tuple(shown.values()), ratio)
     return solids
-
-
-@lru_cache(maxsize=1)
-def circle() -> Array:
-    """Return points on the unit circle, shape (48, 2)."""
-    t = np.linspace(0.0, 2.0 * math.pi, 48, endpoint=False)
-    return np.column_stack([np.cos(t), np.sin(t)])
 
 
 def on_floor(points: ArrayLike, z: float = 0.0) -> Array:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from msrr_bullet.figures.canvas import Canvas
-from msrr_bullet.figures.perspective import Perspective, Solids, circle, on_floor
+from msrr_bullet.figures.perspective import Perspective, Solids, on_floor
 from msrr_bullet.timeline.palette import DARK, FLOOR, GRID
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
@@ -119,7 +119,8 @@ def draw_floor(drawing: Drawing, arena: ArenaSpec) -> None:
 
 def ring(X_WB: SE2, radius: float, z: float) -> Array:
     """Return a closed circle about a body at height ``z`` [m], shape (N, 3) in W [m]."""
-    rim = on_floor(X_WB.translation + radius * circle(), z)
+    t = np.linspace(0.0, 2.0 * math.pi, 48, endpoint=False)
+    rim = on_floor(X_WB.translation + radius * np.column_stack([np.cos(t), np.sin(t)]), z)
     return np.concatenate([rim, rim[:1]])
 
 

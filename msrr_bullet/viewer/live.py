@@ -91,7 +91,7 @@ class LiveViewer:
         self._cameras = None if drawer is None or scene.perception != "images" else LiveCameras(drawer)
         self._opened, self._browsers, self._lost = threading.Event(), 0, False
         self._process = subprocess.Popen(
-            [sys.executable, "-P", str(Path(server.__file__)), "--port", str(port)],
+            [sys.executable, "-P", str(Path(server.__file__)), str(port)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             # Ctrl-C in a terminal reaches only this process, which then ends the server itself.

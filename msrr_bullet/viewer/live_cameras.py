@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from typing import Protocol
+from collections.abc import Callable
 
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.interpolation import SnapshotInterpolator
@@ -19,12 +19,9 @@ MAX_RATE, MAX_SHARE = 5.0, 0.1
 _RECENT_NS, _WAY_NS = NS_PER_S, NS_PER_S // 10
 
 
-class StillDrawer(Protocol):
-    """Draws a still; :class:`msrr_bullet.figures.stills.LiveStills` is one."""
-
-    def draw(self, view: CameraView, trial: SnapshotInterpolator) -> Still:
-        """Return the still of a frame of a trial, which is known at least up to the time of the frame."""
-        ...
+#: Returns the still of a frame of a trial, which is known at least up to the time of the frame;
+#: :func:`msrr_bullet.figures.stills.live_stills` gives one.
+StillDrawer = Callable[[CameraView, SnapshotInterpolator], Still]
 
 
 class LiveCameras:
@@ -52,7 +49,7 @@ class LiveCameras:
     def draw(self, view: CameraView) -> Still:
         """Return the image of a frame."""
         started = time.monotonic()
-        still = self._drawer.draw(view, SnapshotInterpolator([*self._older, *self._recent]))
+        still = self._drawer(view, SnapshotInterpolator([*self._older, *self._recent]))
         took = time.monotonic() - started
         self._due[view.exposure.camera] = started + max(1.0 / MAX_RATE, took / MAX_SHARE)
         return still

@@ -8,7 +8,6 @@ be caught, that stream is closed, and the server ends.
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import logging
 import os
@@ -158,13 +157,10 @@ async def serve(port: int) -> None:
 
 
 def main() -> None:
-    """Run the server."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--port", type=int, default=0)
-    arguments = parser.parse_args()
+    """Run the server at the port that is its argument."""
     # Requests for a favicon and closed connections are not worth a warning.
     logging.getLogger("tornado").setLevel(logging.ERROR)
-    asyncio.run(serve(arguments.port))
+    asyncio.run(serve(int(sys.argv[1])))
     # The reading thread may be blocked in read(), so the process ends without waiting for it.
     sys.stdout.flush()
     os._exit(0)

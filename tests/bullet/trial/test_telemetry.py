@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.figures.stills import LiveStills
+from msrr_bullet.figures.stills import live_stills
 from msrr_bullet.log import ClearanceRecord, MemoryRecorder, StartPoses, TruePose
 from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.mcap_recorder import McapRecorder
@@ -168,7 +168,7 @@ class WatchingViewer(KeepingViewer):
 
     def __init__(self, scene: Scene, seed: int) -> None:
         super().__init__()
-        self.cameras, self.drawn = LiveCameras(LiveStills(scene, seed)), set[str]()
+        self.cameras, self.drawn = LiveCameras(live_stills(scene, seed)), set[str]()
 
     def update(self, snapshot: Snapshot) -> None:
         self.cameras.add(snapshot)

@@ -23,7 +23,7 @@ import tornado.httpclient
 import tornado.websocket
 import umsgpack
 
-from msrr_bullet.figures.stills import LiveStills
+from msrr_bullet.figures.stills import live_stills
 from msrr_bullet.timeline.camera_views import read_camera_views, read_exposures
 from msrr_bullet.viewer import live, live_cameras
 from msrr_bullet.viewer.live import LiveViewer, ViewerError
@@ -51,7 +51,7 @@ def views(short_log):
 def with_cameras(short_log, short_snapshots):
     """A live view of a whole run but for the images of its cameras."""
     scene = short_log.header.scene
-    with LiveViewer(scene, port=0, drawer=LiveStills(scene, short_log.header.seed)) as viewer:
+    with LiveViewer(scene, port=0, drawer=live_stills(scene, short_log.header.seed)) as viewer:
         for snapshot in short_snapshots:
             viewer.update(snapshot)
         viewer.show(short_snapshots[-1])
