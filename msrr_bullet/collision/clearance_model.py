@@ -162,25 +162,20 @@ class ClearanceModel:
                 best, below = nearer, nearer.distance
         return best
 
-    def nearest(
-        self, name: str, X_WB: SE2, others: Mapping[str, SE2], below: float = math.inf
-    ) -> Clearance | None:
-        """Return the smallest clearance of one body at ``X_WB`` from others.
+    def nearest(self, name: str, X_WB: SE2, others: Mapping[str, SE2]) -> Clearance | None:
+        """Return the smallest clearance of one body at ``X_WB`` from others; None without any.
 
         Args:
             name: Name of the body.
             X_WB: Its pose.
             others: Poses of the other bodies, by name.
-            below: Clearance that matters [m]: from here on a lower bound is enough, and nothing is measured.
-
-        Returns:
-            The clearance; None if no other body is nearer than ``below``.
 
         Raises:
             UnknownNameError: A name is not that of a body of the model.
         """
         own, x, y = self._placed(name, X_WB), X_WB.x, X_WB.y
         best: Clearance | None = None
+        below = math.inf
         # Bodies are placed in order of lower bounds, and most of them are too far away to be placed at all.
         bounded = [
             (math.hypot(X.x - x, X.y - y) - self._body(other).reach, other) for other, X in others.items()
