@@ -9,15 +9,9 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from time import perf_counter_ns
 from types import TracebackType
-from typing import Protocol
 
-
-class Profiler(Protocol):
-    """A source of context managers that measure the time of a stage: ``with profiler("physics"): ...``."""
-
-    def __call__(self, stage: str) -> AbstractContextManager[object]:
-        """Return the context manager of ``stage``."""
-        ...
+#: A source of context managers that measure the time of a stage: ``with profiler("physics"): ...``.
+Profiler = Callable[[str], AbstractContextManager[object]]
 
 
 class StageProfiler:
