@@ -110,6 +110,27 @@ def parse_overrides(pairs: Sequence[str] | None) -> dict[str, str]:
     return overrides
 
 
+def parse_varied(pairs: Sequence[str] | None) -> dict[str, list[object]]:
+    """Parse ``KEY=VALUE,VALUE,...`` texts into the values of each key; each value is YAML.
+
+    Raises:
+        SceneError: A text has no ``=``, its values are not valid YAML, or a key is given twice.
+    """
+    from msrr_scenes.loading.yaml_document import parse_document
+
+    varied: dict[str, list[object]] = {}
+    for pair in pairs or ():
+        key, equals, values = pair.partition("=")
+        if not equals or not key or not values:
+            raise SceneError(
+                f"--vary {pair}: expected KEY=VALUE,VALUE, such as cameras.onboard.latency_ms=0,60"
+            )
+        if key in varied:
+            raise SceneError(f"--vary {pair}: {key} is varied already; name all of its values at once")
+        varied[key] = parse_document(f"values: [{values}]", f"--vary {pair}").data["values"]
+    return varied
+
+
 @contextmanager
 def naming_overrides(overrides: Mapping[str, str]) -> Iterator[None]:
     """Let the errors of a scene that do not say so name the values that were set for this run."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -25,20 +25,22 @@ from msrr_bullet.cli.options import (
     naming_overrides,
     parse_overrides,
     parse_seeds,
+    parse_varied,
     use_one_thread_per_process,
     write_output,
     write_outputs,
 )
 from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
-from msrr_scenes.errors import ChangedFileError, SceneError
+from msrr_scenes.errors import ChangedFileError, MsrrError, SceneError
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.wording import counted
 
 if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
     from rich.progress import Progress
+    from rich.table import Table
 
     from msrr_bullet.sweep.summary import SweepSummary, TrialFailure
-    from msrr_bullet.sweep.trial_store import StoreError
+    from msrr_bullet.sweep.trials import TrialObserver
     from msrr_bullet.trial.result import TrialResult
     from msrr_scenes.specs.scene import Scene
 
@@ -46,40 +48,39 @@ if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
 STORE = RUNS / "sweeps.sqlite"
 
 
-class _EndedTrials:
-    """The trials that have ended, counted on a bar; what did not succeed is named above it.
+class _TrialBar:
+    """A bar that counts the trials that have ended; what did not succeed is named above it.
 
-    Attributes:
-        reused: Number of trials taken from the store.
+    Args:
+        bar: The bar.
+        scenes: The scenes.
+        labels: What tells each scene from the others, in words; empty for the only one.
+        trials: Number of trials of all of them.
     """
 
-    def __init__(self, bar: Progress, scene: Scene, trials: int) -> None:
-        from msrr_bullet.cli.console_report import goal
+    def __init__(self, bar: Progress, scenes: Sequence[Scene], labels: Sequence[str], trials: int) -> None:
+        from msrr_scenes.loading.load import scene_hash
 
-        self.reused = 0
-        self._bar, self._name, self._goal = bar, scene.name, goal(scene.coordinated)
-        self._task = bar.add_task(scene.name, total=trials)
-        self._by_seed: dict[int, TrialResult | TrialFailure] = {}
+        self._labels = {scene_hash(scene): label for scene, label in zip(scenes, labels, strict=True)}
+        self._bar, self._name = bar, scenes[0].name
+        self._goal = (Outcome.COMPLETE if scenes[0].coordinated else Outcome.DOCKED).value
+        self._task = bar.add_task(self._name, total=trials)
         self._succeeded = 0
 
     def show(self, outcome: TrialResult | TrialFailure, stored: bool) -> None:
         """Show a trial that has ended; an observer of sweeps."""
         from msrr_bullet.sweep.summary import TrialFailure
 
-        self._by_seed[outcome.seed] = outcome
-        self.reused += stored
+        label = self._labels.get(outcome.scene_hash)  # none if a file of the scene was written since
+        trial = f"{label}, seed {outcome.seed}" if label else f"seed {outcome.seed}"
         if isinstance(outcome, TrialFailure):
-            self._print(f"seed {outcome.seed}: {outcome.error}", style="red")
+            self._print(f"{trial}: {outcome.error}", style="red")
         elif outcome.docked:
             self._succeeded += 1
         else:
-            self._print(f"seed {outcome.seed}: {outcome.outcome.value}, {outcome.reason}")
+            self._print(f"{trial}: {outcome.outcome.value}, {outcome.reason}")
         description = f"{self._name}, {self._succeeded} {self._goal}"
         self._bar.update(self._task, advance=1, description=description)
-
-    def of(self, seeds: Sequence[int]) -> list[TrialResult | TrialFailure]:
-        """Return those of some seeds that have ended, in their order."""
-        return [self._by_seed[seed] for seed in seeds if seed in self._by_seed]
 
     def _print(self, text: str, style: str | None = None) -> None:
         # Trials go on where nobody reads of them any more; the table at the end tells of the error.
@@ -121,14 +122,26 @@ def sweep(
         ),
     ] = None,
     overrides: Overrides = None,
+    varied: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vary",
+            metavar="KEY=V1,V2",
+            help="Run a sweep for each of these values; repeated for another key, one for each combination.",
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Plot rate and error at contact over the values of the first --vary."
+        ),
+    ] = None,
 ) -> None:
     """Run many trials and report the success rate with its interval.
 
     Ctrl-C ends it after the trials that are running; a second one, or SIGTERM, ends it at once. What is done
     is reported.
     """
-    from msrr_scenes.loading.load import load_scene
-
     use_one_thread_per_process()
     if fresh and store is not None:
         raise SceneError("--fresh and --store: give one of them; --fresh uses no store")
@@ -136,65 +149,111 @@ def sweep(
         raise SceneError("--dask and --jobs: give one of them; --dask local:N starts N workers here")
     if json_file == csv_file == STANDARD_OUTPUT:
         raise SceneError("--json - and --csv -: only one of them can be standard output")
+    if plot is not None and not varied:
+        raise SceneError("--plot: there is nothing to plot over; give --vary as well")
     wanted = parse_seeds(seeds)
     given = parse_overrides(overrides)
+    from msrr_bullet.sweep.variation import Variation, levels, load_levels, values_text
+
+    choices = levels(parse_varied(varied))
     with naming_overrides(given):
-        loaded = load_scene(scene, given, told_as="--set")
+        scenes = load_levels(scene, choices, given, told_as="--set")
     kept = None if fresh else store or STORE
-    used = [loaded.source, kept]
+    used = [scenes[0].source, kept]
     check_writable(json_file, "--json", used)
     check_writable(csv_file, "--csv", [*used, json_file])
-    from msrr_bullet.cli.console_report import sweep_table
-    from msrr_bullet.sensors.preparation import prepare_cameras
-    from msrr_bullet.sweep.dask_cluster import dask_cluster
-    from msrr_bullet.sweep.provenance import code_fingerprint
-    from msrr_bullet.sweep.summarise import summarise
-    from msrr_bullet.sweep.sweep import sweep as run_sweep
-    from msrr_bullet.sweep.trial_store import StoreError
+    check_writable(plot, "--plot", [*used, json_file, csv_file])
+    if plot is not None:
+        from msrr_bullet.sweep.variation_plot import check_plot, plot_variation
+
+        check_plot(choices, plot)
+    from msrr_bullet.cli.sweep_report import sweep_table, variation_table
+    from msrr_bullet.sweep.ended_trials import EndedTrials
     from msrr_bullet.sweep.trial_table import trials_csv
+    from msrr_scenes.loading.load import scene_hash
 
     console = open_console(stderr=STANDARD_OUTPUT in (json_file, csv_file))
-    code = code_fingerprint(loaded)
-    stopped: Terminated | StoreError | ChangedFileError | None = None
-    summary: SweepSummary | None = None
+    ended = EndedTrials(scenes, wanted)
+    values = {scene_hash(s): {**given, **choice} for s, choice in zip(scenes, choices, strict=True)}
+    table: Table | None = None
     try:
         with progress_bar(console) as bar:
-            ended = _EndedTrials(bar, loaded, len(wanted))
-            run = partial(run_sweep, loaded, wanted, store=kept, observer=ended.show, wall_limit_s=wall_limit)
+            shown = _TrialBar(bar, scenes, [values_text(c) for c in choices], len(scenes) * len(wanted))
+
+            def observe(outcome: TrialResult | TrialFailure, stored: bool) -> None:
+                ended.add(outcome, stored)
+                shown.show(outcome, stored)
+
             with naming_overrides(given):
-                try:
-                    if dask is None:
-                        prepare_cameras(loaded, lambda text: bar.console.print(text, highlight=False))
-                        summary = run(jobs or DEFAULT_JOBS)
-                    else:
-                        with dask_cluster(dask) as cluster:
-                            summary = run(cluster.slots, executor=cluster.executor)
-                except (Terminated, StoreError, ChangedFileError) as error:
-                    if not ended.of(wanted):
-                        raise
-                    stopped = error
-                    summary = summarise(loaded, code, ended.of(wanted), reused=ended.reused, interrupted=True)
-            rows = ended.of(wanted)
+                interrupted, stopped = _run_trials(
+                    scenes, wanted, kept, dask, jobs, wall_limit, observe, bar.console.print
+                )
+            if stopped is not None and not ended.outcomes():
+                raise stopped
+            summaries = ended.summaries(interrupted=interrupted)
+            if varied:
+                found = Variation.of(choices, summaries)
+                numbers, table = found.to_json, variation_table(found, overrides or ())
+            else:
+                numbers, table = summaries[0].to_json, sweep_table(summaries[0], overrides or ())
             # Before anything is shown, for the reader of the standard output may have gone away.
-            write_outputs([(json_file, summary.to_json), (csv_file, lambda: trials_csv(rows))])
+            write_outputs([(json_file, numbers), (csv_file, lambda: trials_csv(ended.outcomes(), values))])
+            if plot is not None:
+                plot_variation(found, plot)
     finally:
-        if summary is not None:
-            console.print(sweep_table(summary, overrides or ()))
+        if table is not None:
+            console.print(table)
     if stopped is not None:
         raise stopped
-    _exit(summary)
+    _exit(summaries)
 
 
-def _exit(summary: SweepSummary) -> None:
+def _run_trials(
+    scenes: Sequence[Scene],
+    seeds: Sequence[int],
+    store: Path | None,
+    dask: str | None,
+    jobs: int | None,
+    wall_limit_s: float,
+    observer: TrialObserver,
+    say: Callable[[str], None],
+) -> tuple[bool, MsrrError | Terminated | None]:
+    """Run the trials of a sweep, in processes or on a cluster.
+
+    Returns:
+        Whether not all were run, and what stopped them if it was no interrupt; the trials that have ended
+        are kept in either case.
+    """
+    from msrr_bullet.sensors.preparation import prepare_cameras
+    from msrr_bullet.sweep.dask_cluster import dask_cluster
+    from msrr_bullet.sweep.trial_store import StoreError
+    from msrr_bullet.sweep.trials import run_trials
+
+    batches = [(scene, seeds) for scene in scenes]
+    run = partial(run_trials, batches, store=store, observer=observer, wall_limit_s=wall_limit_s)
+    try:
+        if dask is not None:
+            with dask_cluster(dask) as cluster:
+                return run(cluster.slots, executor=cluster.executor).interrupted, None
+        for scene in scenes:
+            prepare_cameras(scene, say)
+        return run(jobs or DEFAULT_JOBS).interrupted, None
+    except (Terminated, StoreError, ChangedFileError) as error:
+        return True, error
+
+
+def _exit(summaries: Sequence[SweepSummary]) -> None:
     """End the command with the exit code of a sweep that was not stopped at once; return if all went well."""
-    if summary.interrupted:
+    if any(summary.interrupted for summary in summaries):
         raise KeyboardInterrupt
-    for failure in summary.failures:
+    failures = [failure for summary in summaries for failure in summary.failures]
+    for failure in failures:
         report_error(f"seed {failure.seed} gave no result: {failure.error}", PROGRAM_ERROR)
-    if summary.failures:
-        raise typer.Exit(BAD_INPUT if all(f.stopped for f in summary.failures) else PROGRAM_ERROR)
-    if failed := summary.outcomes.get(Outcome.PROGRAM_FAILED.value):
-        text = f"the program of the unit failed in {failed} of {counted(summary.trials, 'trial')}"
+    if failures:
+        raise typer.Exit(BAD_INPUT if all(f.stopped for f in failures) else PROGRAM_ERROR)
+    trials = sum(summary.trials for summary in summaries)
+    if failed := sum(summary.outcomes.get(Outcome.PROGRAM_FAILED.value, 0) for summary in summaries):
+        text = f"the program of the unit failed in {failed} of {counted(trials, 'trial')}"
         raise typer.Exit(report_error(f"{text}; msrr dock --seed shows one of them", BAD_INPUT))
 
 
@@ -207,7 +266,7 @@ def compare(
 
     What the trials share, such as the start and the robots, cancels out.
     """
-    from msrr_bullet.cli.console_report import comparison_table
+    from msrr_bullet.cli.sweep_report import comparison_table
     from msrr_bullet.sweep.comparison import compare_sweeps
 
     check_writable(json_file, taken=[first, second])

@@ -16,12 +16,14 @@ class TrialFailure(BaseModel, frozen=True):
 
     Attributes:
         scene: Name of the scene.
+        scene_hash: Hash of the scene.
         seed: Seed of the trial.
         error: What happened.
         stopped: Whether it was stopped because it took too long on the wall clock.
     """
 
     scene: str
+    scene_hash: str
     seed: int
     error: str
     stopped: bool = False
@@ -159,6 +161,11 @@ class SweepSummary(BaseModel, frozen=True):
     failures: tuple[TrialFailure, ...] = ()
     interrupted: bool = False
 
+    @property
+    def goal(self) -> Outcome:
+        """The outcome of a trial that succeeds."""
+        return Outcome.DOCKED if self.mission is None else Outcome.COMPLETE
+
     def to_json(self) -> str:
         """Return the summary as indented JSON."""
         return self.model_dump_json(indent=2) + "\n"
@@ -171,7 +178,7 @@ class SweepSummary(BaseModel, frozen=True):
         ]
         parts += [("all docking steps", self.mission.docks)] if self.mission is not None else []
         rows = [
-            (f"{name}: {what}", *_cells(q))
+            (f"{name}: {what}", *quantile_cells(q))
             for name, step in parts
             for what, q in (
                 ("lateral error at first contact [mm]", step.contact_lateral_mm),
@@ -193,7 +200,7 @@ class SweepSummary(BaseModel, frozen=True):
         return html_table(title, rows, head)
 
 
-def _cells(values: Quantiles) -> tuple[str, str, str]:
+def quantile_cells(values: Quantiles) -> tuple[str, str, str]:
     """Return median and 95 % with their confidence intervals, and the largest value, as text."""
     p50, p95, largest = ("" if v is None else f"{v:z.2f}" for v in (values.p50, values.p95, values.max))
     bounds = [interval_text(interval) for interval in (values.p50_interval, values.p95_interval)]

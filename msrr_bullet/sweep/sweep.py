@@ -1,15 +1,15 @@
-"""Many trials of one scene, and their summary."""
+"""Many trials of one scene, or of several, and their summaries."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
-from msrr_bullet.sweep.provenance import code_fingerprint
-from msrr_bullet.sweep.summarise import summarise
-from msrr_bullet.sweep.summary import SweepSummary
+from msrr_bullet.sweep.ended_trials import EndedTrials
+from msrr_bullet.sweep.summary import SweepSummary, TrialFailure
 from msrr_bullet.sweep.trials import TrialObserver, one_trial, run_trials
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
+from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.specs.scene import Scene
 
 
@@ -48,11 +48,9 @@ def sweep(
         TypeError: A seed or ``jobs`` is no whole number, ``seeds`` is a single one, or the scene is none.
         ValueError: A seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``jobs`` not positive.
     """
-    if isinstance(seeds, str) or not isinstance(seeds, Iterable):
-        raise TypeError(f"seeds are integers, such as range(20), found {seeds!r}")
-    wanted, code = list(dict.fromkeys(seeds)), code_fingerprint(scene)
-    finished = run_trials(
-        [(scene, wanted)],
+    (summary,) = sweep_scenes(
+        [scene],
+        seeds,
         jobs,
         store,
         executor=executor,
@@ -60,6 +58,42 @@ def sweep(
         observer=observer,
         wall_limit_s=wall_limit_s,
     )
-    by_seed = {seed: outcome for (_, seed), outcome in finished.outcomes.items()}
-    ended = [by_seed[seed] for seed in wanted if seed in by_seed]
-    return summarise(scene, code, ended, reused=finished.reused, interrupted=finished.interrupted)
+    return summary
+
+
+def sweep_scenes(
+    scenes: Sequence[Scene],
+    seeds: Iterable[int],
+    jobs: int | Callable[[], int] = 1,
+    store: str | Path | None = None,
+    *,
+    executor: SupportsSubmit | None = None,
+    trial: TrialFunction = one_trial,
+    observer: TrialObserver | None = None,
+    wall_limit_s: float | None = None,
+) -> list[SweepSummary]:
+    """Run a trial of every scene for each seed, all of them in one pool; see :func:`sweep`.
+
+    Returns:
+        The summary of every scene, in their order.
+    """
+    if isinstance(seeds, str) or not isinstance(seeds, Iterable):
+        raise TypeError(f"seeds are integers, such as range(20), found {seeds!r}")
+    wanted = list(dict.fromkeys(seeds))
+    ended = EndedTrials(scenes, wanted)
+
+    def observe(outcome: TrialResult | TrialFailure, stored: bool) -> None:
+        ended.add(outcome, stored)
+        if observer is not None:
+            observer(outcome, stored)
+
+    interrupted = run_trials(
+        [(scene, wanted) for scene in scenes],
+        jobs,
+        store,
+        executor=executor,
+        trial=trial,
+        observer=observe,
+        wall_limit_s=wall_limit_s,
+    ).interrupted
+    return ended.summaries(interrupted=interrupted)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from msrr_bullet.export.table import Row, columns, exposure_cells, exposures, text
 from msrr_bullet.sweep.summary import TrialFailure
@@ -50,24 +50,32 @@ TRIAL_COLUMNS = columns(
 )
 
 
-def trials_csv(outcomes: Iterable[TrialResult | TrialFailure]) -> str:
+def trials_csv(
+    outcomes: Iterable[TrialResult | TrialFailure], values: Mapping[str, Mapping[str, str]] | None = None
+) -> str:
     """Return the table of trials as CSV: a header with :data:`TRIAL_COLUMNS`, and the rows of each trial.
 
     Args:
         outcomes: Results of trials, and trials without one, in the order of the rows.
+        values: Values that were set, by dotted key, of every scene by its hash. A column for each of these
+            keys follows the others, named ``set.<key>``: a key may have the name of one of those.
     """
+    values = values or {}
+    keys = list(dict.fromkeys(key for given in values.values() for key in given))
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow([column.name for column in TRIAL_COLUMNS])
+    writer.writerow([*(column.name for column in TRIAL_COLUMNS), *(f"set.{key}" for key in keys)])
     for outcome in outcomes:
+        given = values.get(outcome.scene_hash, {})
         for row in _rows(outcome):
-            writer.writerow([text(cell) for cell in row] + [""] * (len(TRIAL_COLUMNS) - len(row)))
+            cells = [*row, *[None] * (len(TRIAL_COLUMNS) - len(row)), *(given.get(key) for key in keys)]
+            writer.writerow([text(cell) for cell in cells])
     return out.getvalue()
 
 
 def _rows(outcome: TrialResult | TrialFailure) -> Iterator[Row]:
     if isinstance(outcome, TrialFailure):
-        yield outcome.scene, outcome.seed, None, outcome.error
+        yield (outcome.scene, outcome.seed, None, outcome.error, *[None] * 4, outcome.scene_hash)
         return
     trial = (
         *(outcome.scene, outcome.seed, outcome.outcome, outcome.reason, outcome.duration_s),

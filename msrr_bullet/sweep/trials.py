@@ -39,12 +39,10 @@ class FinishedTrials:
 
     Attributes:
         outcomes: Result or failure of every trial that has ended, by hash of its scene and seed.
-        reused: Number of trials taken from the store.
         interrupted: Whether the run was stopped before all trials were run.
     """
 
     outcomes: Mapping[tuple[str, int], TrialResult | TrialFailure]
-    reused: int
     interrupted: bool
 
 
@@ -190,7 +188,6 @@ def run_trials(
         wanted = _WantedTrials(trial_store, observer)
         for scene, seeds in batches:
             wanted.add(scene, seeds, runs_here=executor is None)
-        reused = len(wanted.outcomes)
         if wall_limit_s is not None:
             trial = partial(trial, wall_limit_s=wall_limit_s)
         if executor is not None:
@@ -206,4 +203,4 @@ def run_trials(
             raise
         finally:
             interrupted = pool.close() or interrupted
-    return FinishedTrials(wanted.outcomes, reused, interrupted)
+    return FinishedTrials(wanted.outcomes, interrupted)

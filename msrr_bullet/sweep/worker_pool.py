@@ -286,7 +286,9 @@ class WorkerPool:
 
 
 def _failure(task: TrialTask, error: str, stopped: bool = False) -> TrialFailure:
-    return TrialFailure(scene=task.scene.name, seed=task.seed, error=error, stopped=stopped)
+    return TrialFailure(
+        scene=task.scene.name, scene_hash=task.scene_hash, seed=task.seed, error=error, stopped=stopped
+    )
 
 
 def _start_worker() -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.trials import run_trials
 from msrr_bullet.sweep.worker_pool import SupportsSubmit
 
 
@@ -24,4 +24,4 @@ def short_trial() -> list[str]:
 @pytest.fixture
 def sweeps_here(monkeypatch: pytest.MonkeyPatch, inline: SupportsSubmit) -> None:
     """Trials of sweeps run in this process: to start another one takes longer than they do."""
-    monkeypatch.setattr("msrr_bullet.sweep.sweep.sweep", partial(sweep, executor=inline))
+    monkeypatch.setattr("msrr_bullet.sweep.trials.run_trials", partial(run_trials, executor=inline))

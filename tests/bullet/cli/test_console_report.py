@@ -6,7 +6,8 @@ import pytest
 from rich.table import Table
 
 from msrr_bullet.cli.console import open_console
-from msrr_bullet.cli.console_report import mission_table, scenes_table, step_table, steps_table, sweep_table
+from msrr_bullet.cli.console_report import mission_table, scenes_table, step_table, steps_table
+from msrr_bullet.cli.sweep_report import sweep_table
 from msrr_bullet.sweep.summarise import summarise
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.trial.result import MissionFigures, TrialResult
@@ -113,7 +114,9 @@ def test_a_narrow_terminal_cuts_nothing_of_the_steps(
 
 
 def test_a_sweep_shows_its_rate_and_what_it_measured(false_dock: TrialResult) -> None:
-    failures = [TrialFailure(scene="close_range", seed=4, error="the process of this trial died")]
+    failures = [
+        TrialFailure(scene="close_range", scene_hash="00ff", seed=4, error="the process of this trial died")
+    ]
     summary = summarise(load_scene("close_range"), "code", [false_dock, *failures])
     shown = text(sweep_table(summary))
     assert "docked: 0.0 %, 95 % interval 0.0 .. 65.8 %" in shown
@@ -211,6 +214,6 @@ def test_brackets_are_text(false_dock: TrialResult) -> None:
     result = false_dock.model_copy(update={"scene": "dock [fast]"})
     assert "dock [fast], seed 3" in text(step_table(result, result.steps[0]))
     assert "dock [fast], seed 3" in text(steps_table(result))
-    failures = [TrialFailure(scene="close_range", seed=4, error="[bold]")]
+    failures = [TrialFailure(scene="close_range", scene_hash="00ff", seed=4, error="[bold]")]
     scene = load_scene("close_range").model_copy(update={"name": "dock [fast]"})
     assert "dock [fast], 2 trials" in text(sweep_table(summarise(scene, "code", [result, *failures])))

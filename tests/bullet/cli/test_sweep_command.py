@@ -13,9 +13,9 @@ import pytest
 
 from msrr_bullet.cli.app import run
 from msrr_bullet.sweep.summary import SweepSummary
-from msrr_bullet.sweep.sweep import sweep
 from msrr_bullet.sweep.trial_store import StoreError, TrialStore
-from msrr_bullet.sweep.trials import one_trial
+from msrr_bullet.sweep.trials import FinishedTrials, one_trial, run_trials
+from msrr_bullet.sweep.variation import Variation
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.specs.scene import Scene
 
@@ -155,11 +155,11 @@ def test_a_sweep_shows_brackets_in_reasons(
             raise ValueError(reason)
         return one_trial(scene, seed).model_copy(update={"reason": reason})
 
-    def in_this_process(*arguments: Any, **options: Any) -> SweepSummary:
+    def in_this_process(*arguments: Any, **options: Any) -> FinishedTrials:
         with ThreadPoolExecutor(1) as executor:
-            return sweep(*arguments, **options, executor=executor, trial=failing)
+            return run_trials(*arguments, **options, executor=executor, trial=failing)
 
-    monkeypatch.setattr("msrr_bullet.sweep.sweep.sweep", in_this_process)
+    monkeypatch.setattr("msrr_bullet.sweep.trials.run_trials", in_this_process)
     arguments = ["sweep", "close_range", *short_trial, "--seeds", "0:2", "--jobs", "1", "--fresh"]
     assert run([*arguments, "--set", "name=close.fast"]) == 70
     out = capsys.readouterr().out
@@ -199,3 +199,72 @@ def test_a_sweep_of_missions_counts_what_is_complete(
     shown = capsys.readouterr().out
     assert "seed 1: timeout, the time limit of 3 s is over" in shown
     assert "complete: 0.0 %" in shown
+
+
+@pytest.mark.usefixtures("sweeps_here")
+def test_a_sweep_at_several_values(short_trial: list[str], tmp_path: Path, capsys: Capture) -> None:
+    """One table for all, numbers of each, a row for every trial with what was set, and a plot."""
+    arguments = ["sweep", "close_range", *short_trial[:-2], "--seeds", "0:2", "--jobs", "1", "--fresh"]
+    arguments += ["--vary", "time_limit_s=1,2", "--vary", "control.docking=c1,{name: c2}"]
+    assert run([*arguments, "--json", "n.json", "--csv", "t.csv", "--plot", "p.png"]) == 0
+    out = capsys.readouterr().out
+    assert "at 4 values of time_limit_s and control.docking" in out
+    assert "time_limit_s=2 control.docking={name: c2}, seed 1: timeout" in out
+    chosen = [{"time_limit_s": s, "control.docking": law} for s in ("1", "2") for law in ("c1", "{name: c2}")]
+    numbers = json.loads((tmp_path / "n.json").read_text())["levels"]
+    assert [level["values"] for level in numbers] == chosen
+    assert [level["summary"]["outcomes"] for level in numbers] == [{"timeout": 2}] * 4
+    rows = list(csv.DictReader((tmp_path / "t.csv").open()))
+    assert [row["set.time_limit_s"] for row in rows] == ["1"] * 4 + ["2"] * 4
+    assert {row["set.plant"] for row in rows} == {"unicycle"}
+    assert [row["seed"] for row in rows] == ["0", "1"] * 4
+    assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--plot", "p.png"], "--plot: there is nothing to plot over; give --vary as well"),
+        (["--vary", "time_limit_s"], "--vary time_limit_s: expected KEY=VALUE,VALUE"),
+        (["--vary", "time_limit_s="], "--vary time_limit_s=: expected KEY=VALUE,VALUE"),
+        (["--vary", "time_limit_s=[1"], "--vary time_limit_s=[1: not valid YAML"),
+        (["--vary", "as_built=rough", "--vary", "as_built=careful"], "as_built is varied already"),
+        (["--set", "as_built=rough", "--vary", "as_built=careful"], "--set sets it to one value"),
+        (["--vary", "as_built=careful,bad"], "as_built: expected 'perfect', 'careful'"),
+        (["--vary", "as_built=careful", "--plot", "p.gif"], "p.gif: no format for plots"),
+        (["--vary", "as_built=careful", "--plot", "t.csv", "--csv", "t.csv"], "uses this file already"),
+    ],
+)
+def test_values_that_cannot_be_varied_are_refused_before_any_trial(
+    options: list[str], says: str, tmp_path: Path, capsys: Capture
+) -> None:
+    assert run(["sweep", "close_range", "--seeds", "0:2", *options]) == 2
+    assert says in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_sweep_at_several_values_that_is_stopped_keeps_what_it_has(
+    short_trial: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put, stored = TrialStore.put, list[int]()
+
+    def fail_at_the_fourth(store: TrialStore, result: TrialResult, code: str) -> None:
+        stored.append(result.seed)
+        if len(stored) == 4:
+            raise StoreError("the disk is full")
+        put(store, result, code)
+
+    monkeypatch.setattr(TrialStore, "put", fail_at_the_fourth)
+    arguments = ["sweep", "close_range", *short_trial, "--seeds", "0:3", "--jobs", "1"]
+    arguments += ["--vary", "as_built=perfect,careful,rough", "--plot", "p.png"]
+    assert run([*arguments, "--json", "n.json"]) == 2
+    out, err = capsys.readouterr()
+    assert "the disk is full" in err
+    assert "0 of 3" in out
+    found = Variation.model_validate_json((tmp_path / "n.json").read_text())
+    assert [(level.summary.trials, level.summary.interrupted) for level in found.levels] == [
+        (3, True),
+        (1, True),
+        (0, True),
+    ]
+    assert (tmp_path / "p.png").is_file()

@@ -14,7 +14,7 @@ from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_table import trials_csv
 from msrr_bullet.sweep.worker_pool import TrialFunction
 from msrr_bullet.trial.result import TrialResult
-from msrr_scenes import load_scene
+from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.errors import SceneError
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
@@ -118,7 +118,9 @@ def test_successes_count_where_one_sweep_alone_has_them(
     trials = [made_up(scene, seed) for seed in range(20)]
     worse: list[TrialResult | TrialFailure] = list(trials)
     worse[4] = trials[4].model_copy(update={"outcome": Outcome.COLLISION})
-    worse[5] = TrialFailure(scene=scene.name, seed=5, error="out of time", stopped=True)
+    worse[5] = TrialFailure(
+        scene=scene.name, scene_hash=scene_hash(scene), seed=5, error="out of time", stopped=True
+    )
     found = compare_sweeps(_table(tmp_path / "a.csv", trials), _table(tmp_path / "b.csv", worse))
     assert found.succeeded == (18, 16)
     assert found.without_result == (0, 1)
@@ -167,7 +169,7 @@ def test_scenes_with_different_names_are_told(
     """Variants of one scene have its name, and a table of an earlier version has none."""
     hard = load_scene("close_range_hard")
     variant = load_scene("close_range", {"control.docking": "linear"})
-    failure = TrialFailure(scene=hard.name, seed=0, error="out of time")
+    failure = TrialFailure(scene=hard.name, scene_hash=scene_hash(hard), seed=0, error="out of time")
     first = _table(tmp_path / "a.csv", [made_up(scene, seed) for seed in range(3)])
     for name, outcomes in (("b.csv", [made_up(hard, 0)]), ("c.csv", [failure])):
         second = _table(tmp_path / name, outcomes)
@@ -187,7 +189,9 @@ def test_what_else_the_sweeps_do_not_share_is_told(
     scene: Scene, made_up: TrialFunction, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Two tables of one scene may be of contact and of a model of it. Other workmanship is what is asked."""
-    failure = TrialFailure(scene=scene.name, seed=2, error="out of time", stopped=True)
+    failure = TrialFailure(
+        scene=scene.name, scene_hash=scene_hash(scene), seed=2, error="out of time", stopped=True
+    )
     first = _table(tmp_path / "a.csv", [made_up(scene, 0), made_up(scene, 1), failure])
     for name, values, note in (
         ("b.csv", {"plant": "unicycle"}, "the plants are bullet and unicycle: a difference may be theirs"),

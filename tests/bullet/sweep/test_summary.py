@@ -5,7 +5,7 @@ import pytest
 from msrr_bullet.sweep.summarise import summarise
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.worker_pool import TrialFunction
-from msrr_scenes import load_scene
+from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
@@ -35,7 +35,9 @@ def test_the_numbers(scene: Scene, made_up: TrialFunction) -> None:
 
 
 def test_a_failure_of_the_program_counts_as_a_trial(scene: Scene, made_up: TrialFunction) -> None:
-    failures = [TrialFailure(scene=scene.name, seed=seed, error="a") for seed in (7, 5)]
+    failures = [
+        TrialFailure(scene=scene.name, scene_hash=scene_hash(scene), seed=seed, error="a") for seed in (7, 5)
+    ]
     results = [made_up(scene, seed) for seed in range(2)]
     summary = summarise(scene, "code", [*results, *failures], reused=1, interrupted=True)
     assert (summary.trials, summary.success.rate, summary.outcomes) == (4, 0.5, {"docked": 2})

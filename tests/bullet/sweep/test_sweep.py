@@ -139,8 +139,11 @@ def test_many_scenes_share_one_pool_and_one_store(
         isinstance(outcome, TrialResult) and (outcome.scene_hash, outcome.seed) == key
         for key, outcome in first.outcomes.items()
     )
-    again = run_trials(batches, store=store, executor=inline, trial=made_up)
-    assert (again.reused, again.outcomes) == (7, first.outcomes)
+    stored: list[bool] = []
+    again = run_trials(
+        batches, store=store, executor=inline, trial=made_up, observer=lambda _, held: stored.append(held)
+    )
+    assert (stored, again.outcomes) == ([True] * 7, first.outcomes)
 
 
 def test_an_interrupted_sweep_keeps_what_it_has(
@@ -196,7 +199,9 @@ def test_a_failing_trial_is_named_and_tried_again_next_time(
 
     summary = sweep(scene, range(4), store=store, executor=inline, trial=fails_once)
     assert summary.failures == (
-        TrialFailure(scene=scene.name, seed=2, error="ZeroDivisionError: by nothing"),
+        TrialFailure(
+            scene=scene.name, scene_hash=scene_hash(scene), seed=2, error="ZeroDivisionError: by nothing"
+        ),
     )
     assert summary.trials == 4
     assert summary.success.rate == 0.75  # a failure of the program is not a success, nor is it left out

@@ -7,6 +7,7 @@ from msrr_bullet.sweep.trial_table import TRIAL_COLUMNS, trials_csv
 from msrr_bullet.sweep.worker_pool import TrialFunction
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import AssemblyFigures, PlanarPose
+from msrr_scenes import scene_hash
 from msrr_scenes.specs.scene import Scene
 
 
@@ -46,7 +47,10 @@ def test_every_step_has_a_row_with_the_bits_of_its_result(scene: Scene, made_up:
 
 def test_a_trial_without_a_step_or_a_result_has_one_row(scene: Scene, made_up: TrialFunction) -> None:
     empty = made_up(scene, 1).model_copy(update={"steps": ()})
-    died, nothing = _rows(TrialFailure(scene=scene.name, seed=7, error='died, "so it says"'), empty)
+    died, nothing = _rows(
+        TrialFailure(scene=scene.name, scene_hash=scene_hash(scene), seed=7, error='died, "so it says"'),
+        empty,
+    )
     assert (died["scene"], died["seed"]) == (scene.name, "7")
     assert (died["outcome"], died["reason"]) == ("", 'died, "so it says"')
     assert (nothing["seed"], nothing["outcome"], nothing["step"]) == ("1", "docked", "")

@@ -1,0 +1,214 @@
+"""Sweeps of one scene at several values of its keys: how often, and how precisely, do units dock at each?"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import product
+from pathlib import Path
+from types import MappingProxyType
+
+from pydantic import BaseModel
+
+from msrr_bullet.sweep.summary import StepFigures, SweepSummary, quantile_cells
+from msrr_bullet.sweep.sweep import sweep_scenes
+from msrr_bullet.sweep.trials import TrialObserver, one_trial
+from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
+from msrr_scenes.errors import SceneError
+from msrr_scenes.html import html_table
+from msrr_scenes.loading.load import load_scene, scene_hash
+from msrr_scenes.loading.yaml_document import override_text
+from msrr_scenes.specs.scene import Scene
+from msrr_scenes.wording import counted
+
+#: Largest number of levels of a variation.
+MAX_LEVELS = 1000
+
+_NONE: Mapping[str, object] = MappingProxyType({})
+
+
+class Level(BaseModel, frozen=True):
+    """One choice of the values that are varied, and the trials with it.
+
+    Attributes:
+        values: Values by dotted key, as YAML text.
+        summary: Summary of the trials.
+    """
+
+    values: dict[str, str]
+    summary: SweepSummary
+
+    @property
+    def steps(self) -> list[tuple[str, StepFigures]]:
+        """The docking steps of the scene by name; those of a mission are taken together."""
+        if self.summary.mission is not None:
+            return [("all docking steps", self.summary.mission.docks)]
+        return [(f"{step.unit} to {step.target}", step) for step in self.summary.steps]
+
+
+class Variation(BaseModel, frozen=True):
+    """Sweeps over the same seeds, one for each choice of the values that are varied.
+
+    Attributes:
+        levels: The choices; the values of the last key vary fastest.
+    """
+
+    levels: tuple[Level, ...]
+
+    @classmethod
+    def of(cls, choices: Iterable[Mapping[str, str]], summaries: Iterable[SweepSummary]) -> Variation:
+        """Return the variation of choices, as :func:`levels` returns them, from the summary of each."""
+        pairs = zip(choices, summaries, strict=True)
+        return cls(levels=tuple(Level(values=dict(choice), summary=s) for choice, s in pairs))
+
+    def to_json(self) -> str:
+        """Return the variation as indented JSON."""
+        return self.model_dump_json(indent=2) + "\n"
+
+    def _repr_html_(self) -> str:
+        """Return the variation as a notebook shows it: a table."""
+        return html_table(self.title, self.rows(), self.head())
+
+    @property
+    def title(self) -> str:
+        """What was varied, in words."""
+        first = self.levels[0]
+        kind = f"{first.summary.plant}, {first.summary.perception}"
+        over = " and ".join(first.values)
+        return f"{first.summary.scene} ({kind}) at {counted(len(self.levels), 'value')} of {over}"
+
+    def head(self) -> list[str]:
+        """Return the titles of the columns of the table."""
+        first = self.levels[0]
+        return [
+            *(key.rpartition(".")[2] for key in first.values),
+            first.summary.goal.value,
+            "95 % interval",
+            *(["last lock [s]"] if first.summary.mission is not None else []),
+            *(["step"] if len(first.steps) > 1 else []),
+            "lateral error [mm], median",
+            "95 %",
+            "yaw error [deg], 95 %",
+        ]
+
+    def rows(self) -> list[list[str]]:
+        """Return the rows of the table: one for every level, and one more for every further docking step."""
+        rows = []
+        for level in self.levels:
+            s, steps = level.summary, level.steps
+            succeeded = s.outcomes.get(s.goal.value, 0)
+            cells = [
+                *level.values.values(),
+                f"{succeeded} of {s.trials}",
+                f"{100 * s.success.low:.1f} .. {100 * s.success.high:.1f} %",
+                *([quantile_cells(s.mission.makespan_s)[0]] if s.mission is not None else []),
+            ]
+            for name, step in steps:
+                lateral = quantile_cells(step.contact_lateral_mm)
+                yaw = "" if (p95 := step.contact_yaw_deg.p95) is None else f"{p95:z.2f}"
+                rows.append([*cells, *([name] if len(steps) > 1 else []), *lateral[:2], yaw])
+                cells = [""] * len(cells)
+        return rows
+
+
+def levels(values: Mapping[str, Sequence[object]]) -> list[dict[str, str]]:
+    """Return every choice of one value for each key, as YAML text; the values of the last key vary fastest.
+
+    Raises:
+        SceneError: There is no value for a key, a value is none that YAML has a text for, or there are too
+            many choices.
+    """
+    for key, given in values.items():
+        if isinstance(given, str) or not isinstance(given, Sequence) or not given:
+            raise SceneError(f"{key}: expected a list of at least one value, found {given!r}")
+    texts = [[override_text(key, value) for value in given] for key, given in values.items()]
+    choices = [dict(zip(values, choice, strict=True)) for choice in product(*texts)]
+    if len(choices) > MAX_LEVELS:
+        raise SceneError(f"{len(choices)} choices of values; at most {MAX_LEVELS} are possible")
+    return choices
+
+
+def load_levels(
+    scene: str | Path,
+    choices: Iterable[Mapping[str, str]],
+    overrides: Mapping[str, object] = _NONE,
+    *,
+    told_as: str = "override",
+) -> list[Scene]:
+    """Return the scene with the values of every choice, beside values that are the same in all.
+
+    Args:
+        scene: Name of a shipped scene, or path of a scene file.
+        choices: Values by dotted key, as :func:`levels` returns them.
+        overrides: Values by dotted key that are set in all.
+        told_as: What messages call a value that is set.
+
+    Raises:
+        SceneError: A scene is unusable, a key is both varied and set, or two choices are the same scene.
+    """
+    loaded: dict[str, tuple[Mapping[str, str], Scene]] = {}
+    for choice in choices:
+        if twice := [key for key in choice if key in overrides]:
+            raise SceneError(
+                f"{twice[0]} is varied, and {told_as} sets it to one value; leave one of both out"
+            )
+        found = load_scene(scene, {**overrides, **choice}, told_as=told_as)
+        same, _ = loaded.setdefault(scene_hash(found), (choice, found))
+        if same is not choice:
+            raise SceneError(
+                f"{values_text(same)} and {values_text(choice)} are the same scene; leave one of them out"
+            )
+    return [found for _, found in loaded.values()]
+
+
+def vary(
+    scene: str | Path,
+    values: Mapping[str, Sequence[object]],
+    seeds: Iterable[int],
+    jobs: int | Callable[[], int] = 1,
+    store: str | Path | None = None,
+    *,
+    overrides: Mapping[str, object] = _NONE,
+    executor: SupportsSubmit | None = None,
+    trial: TrialFunction = one_trial,
+    observer: TrialObserver | None = None,
+    wall_limit_s: float | None = None,
+) -> Variation:
+    """Sweep a scene at several values of one key, or at every combination of the values of several keys.
+
+    Trials of the same seed share what does not follow from these values, such as the start, so that levels
+    differ by less chance than their intervals say.
+
+    Args:
+        scene: Name of a shipped scene, or path of a scene file.
+        values: The values by dotted key, ``{"cameras.onboard.latency_ms": [0, 60, 120]}``.
+        seeds: Seeds of the trials at every level.
+        jobs: See :func:`msrr_bullet.sweep.sweep.sweep`, as for all that follow but one.
+        store: SQLite file of results.
+        overrides: Values by dotted key that are the same at all levels; see
+            :func:`msrr_scenes.loading.load.load_scene`.
+        executor: Runs the trials instead of a pool of processes.
+        trial: Runs one trial.
+        observer: Called for each trial as it is done.
+        wall_limit_s: Time that each trial may take on the wall clock; None sets no limit.
+
+    Raises:
+        SceneError: As :func:`levels` and :func:`load_levels` raise it.
+        MsrrError: See :func:`msrr_bullet.sweep.sweep.sweep`, also for other errors.
+    """
+    choices = levels(values)
+    summaries = sweep_scenes(
+        load_levels(scene, choices, overrides),
+        seeds,
+        jobs,
+        store,
+        executor=executor,
+        trial=trial,
+        observer=observer,
+        wall_limit_s=wall_limit_s,
+    )
+    return Variation.of(choices, summaries)
+
+
+def values_text(values: Mapping[str, str]) -> str:
+    """Return values that are set as text, each ``KEY=VALUE``."""
+    return " ".join(f"{key}={value}" for key, value in values.items())

@@ -1,0 +1,149 @@
+"""The plot of a variation: success rate and error at contact over the values that were varied."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from msrr_bullet.figures.style import check_format, legend_above, new_figure, save, styled
+from msrr_bullet.statistics import Quantiles
+from msrr_bullet.sweep.variation import Level, Variation, values_text
+from msrr_bullet.timeline.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, css
+from msrr_scenes.errors import SceneError
+
+#: Colour and marker of every curve; the marker tells curves apart without colour.
+_STYLES = tuple(
+    zip(
+        (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK),
+        ("o", "s", "^", "D", "v", "P", "X"),
+        strict=True,
+    )
+)
+
+#: Distance of the curves from each other where they have a value in common, over the width of the axes.
+_APART = 0.008
+
+#: From this ratio of the largest to the smallest value on, the axis of the values is logarithmic.
+_LOGARITHMIC = 20.0
+
+
+def check_plot(choices: Sequence[dict[str, str]], path: Path) -> None:
+    """Refuse a plot before the trials are run.
+
+    Raises:
+        MsrrError: The ending of the file names no format of figures.
+        SceneError: There would be more curves than can be told apart.
+    """
+    check_format(path)
+    curves = len({_others(choice) for choice in choices})
+    if curves > len(_STYLES):
+        raise SceneError(
+            f"{path}: {curves} curves, one for each choice of the later keys; at most {len(_STYLES)} "
+            "can be told apart. Name the key with the most values first"
+        )
+
+
+def plot_variation(variation: Variation, path: str | Path) -> Path:
+    """Plot the success rate and the lateral error at contact over the values of the first key.
+
+    Each choice of values of the other keys has curves of its own. Bars are 95 % confidence intervals. A scene
+    with several docking steps has one part of the figure for each of them.
+
+    Args:
+        variation: The variation.
+        path: PNG, PDF or SVG file to write.
+
+    Raises:
+        MsrrError: As :func:`check_plot` raises it, or the file cannot be written.
+    """
+    check_plot([level.values for level in variation.levels], Path(path))
+    curves: dict[str, list[Level]] = {}
+    for level in variation.levels:
+        curves.setdefault(_others(level.values), []).append(level)
+    key, values = _first_key(variation)
+    numbers = _numbers(values)
+    steps = [name for name, _ in variation.levels[0].steps]
+    with styled():
+        figure = new_figure(9.0, 3.2 * (1 + len(steps)))
+        rates, *errors = figure.subplots(1 + len(steps), sharex=True, squeeze=False)[:, 0]
+        place = _scale(errors[-1], values, numbers)
+        for i, (label, levels) in enumerate(curves.items()):
+            aside = _APART * (i - 0.5 * (len(curves) - 1))
+            x = [place(values.index(level.values[key]), aside) for level in levels]
+            colour, marker = _STYLES[i]
+            style = {"color": css(colour), "marker": marker, "linestyle": "-" if numbers else "none"}
+            success = [level.summary.success for level in levels]
+            bars = [s.rate - s.low for s in success], [s.high - s.rate for s in success]
+            rates.errorbar(x, [s.rate for s in success], bars, capsize=4.0, label=label or None, **style)
+            for n, axes in enumerate(errors):
+                _draw_errors(axes, x, [level.steps[n][1].contact_lateral_mm for level in levels], style)
+        rates.set(ylabel=f"share of trials\n{variation.levels[0].summary.goal.value}", ylim=(-0.03, 1.05))
+        for axes, name in zip(errors, steps, strict=True):
+            axes.set(ylabel="lateral error\nat contact [mm]", title=name if len(steps) > 1 else "")
+            axes.set_ylim(bottom=0.0)
+            axes.plot([], [], "o", color="0.4", label="median")
+            axes.plot([], [], "o", color="0.4", label="95 %", markerfacecolor="none")
+            legend_above(axes)
+        if len(curves) > 1:
+            figure.legend(*rates.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+        errors[-1].set_xlabel(key)
+        return save(figure, Path(path))
+
+
+def _scale(
+    axes: Axes, values: Sequence[str], numbers: Sequence[float] | None
+) -> Callable[[int, float], float]:
+    """Set the axis of the values, which are numbers or not.
+
+    Returns:
+        The place of a value, by its index and by how far aside it is shown, over the width of the axes.
+    """
+    low, high = (-0.5, len(values) - 0.5) if numbers is None else (min(numbers), max(numbers))
+    if numbers is None:
+        axes.set(xticks=range(len(values)), xticklabels=values, xlim=(low, high))
+    if numbers is None or low <= 0.0 or high / low < _LOGARITHMIC:
+        width = (high - low) or 1.0
+        return lambda index, aside: (numbers[index] if numbers else index) + aside * width
+    axes.set(xscale="log", xticks=numbers, xticklabels=values)
+    axes.minorticks_off()
+    return lambda index, aside: numbers[index] * (high / low) ** aside
+
+
+def _draw_errors(
+    axes: Axes, x: Sequence[float], errors: Sequence[Quantiles], style: Mapping[str, Any]
+) -> None:
+    """Draw median and 95th percentile with their intervals, where there was contact at all."""
+    for q, face in (("p50", style["color"]), ("p95", "none")):
+        values = [math.nan if (v := getattr(e, q)) is None else v for e in errors]
+        bars = np.zeros((2, len(x)))
+        for i, e in enumerate(errors):
+            low, high = getattr(e, f"{q}_interval")
+            if low is not None and high is not None:
+                bars[:, i] = values[i] - low, high - values[i]
+        axes.errorbar(x, values, bars, markerfacecolor=face, elinewidth=1.4, **style)
+
+
+def _first_key(variation: Variation) -> tuple[str, list[str]]:
+    """Return the key of the horizontal axis, and its values in their order."""
+    key = next(iter(variation.levels[0].values))
+    return key, list(dict.fromkeys(level.values[key] for level in variation.levels))
+
+
+def _others(values: dict[str, str]) -> str:
+    """Return what tells the curve of a level: all of its values but the first."""
+    _, *others = values.items()
+    return values_text(dict(others))
+
+
+def _numbers(values: Sequence[str]) -> list[float] | None:
+    """Return the values as numbers; None if one is no finite number."""
+    try:
+        numbers = [float(value) for value in values]
+    except ValueError:
+        return None
+    return numbers if all(map(math.isfinite, numbers)) else None
