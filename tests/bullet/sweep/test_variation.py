@@ -114,13 +114,13 @@ def test_the_plot_shows_rate_and_errors_of_every_level(varied: Variation, drawn:
         f"{CONTROLLER}=linear",
     ]
     for curve in curves:
-        np.testing.assert_allclose(np.asarray(curve.get_xdata()), [20, 60, 120], atol=2.0)
+        np.testing.assert_allclose(np.asarray(curve.get_xdata(), dtype=float), [20, 60, 120], atol=2.0)
         np.testing.assert_array_equal(curve.get_ydata(), 1.0)
     assert not np.array_equal(curves[0].get_xdata(), curves[1].get_xdata())
     medians, tails, *_ = (container.lines[0].get_ydata() for container in errors.containers)
     step = varied.levels[0].summary.steps[0]
-    np.testing.assert_allclose(medians, step.contact_lateral_mm.p50)
-    np.testing.assert_allclose(tails, step.contact_lateral_mm.p95)
+    np.testing.assert_allclose(np.asarray(medians, dtype=float), step.contact_lateral_mm.p50)
+    np.testing.assert_allclose(np.asarray(tails, dtype=float), step.contact_lateral_mm.p95)
     assert errors.get_xlabel() == LATENCY
 
 
