@@ -127,7 +127,7 @@ def sweep(
         typer.Option(
             "--vary",
             metavar="KEY=V1,V2",
-            help="Run a sweep for each of these values; repeated for another key, one for each combination.",
+            help="Run a sweep with --set KEY=V1, one with KEY=V2, ...; repeated, for all combinations.",
         ),
     ] = None,
     plot: Annotated[

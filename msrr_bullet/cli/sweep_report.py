@@ -67,13 +67,16 @@ def variation_table(variation: Variation, overrides: Sequence[str] = ()) -> Tabl
     """Return the table of a variation; below it stand the values that were set at all levels."""
     failures = sum(len(level.summary.failures) for level in variation.levels)
     notes = [_not_successes(failures, f"not {variation.levels[0].summary.goal.value}")] if failures else []
-    notes += ["in brackets: 95 % confidence intervals", *(f"--set {value}" for value in overrides)]
+    notes += [
+        "below: 95 % confidence intervals, those of rates in percent",
+        *(f"--set {value}" for value in overrides),
+    ]
     caption = Text("\n".join(notes), "table.caption")
     table = Table(title=variation.title, title_justify="left", caption=caption, caption_justify="left")
     for column in variation.head():
         table.add_column(Text(column), justify="right", overflow="fold")
     for row in variation.rows():
-        table.add_row(*map(Text, row))
+        table.add_row(*(_with_bounds(text, bounds) for text, bounds in row))
     return table
 
 
@@ -111,11 +114,14 @@ def _quantiles(values: Quantiles, unit: str) -> list[Text]:
         (values.p95, values.p95_interval),
         (values.max, (None, None)),
     ):
-        cell = Text(_UNKNOWN if value is None else f"{value:z.{digits}f} {unit}".rstrip())
-        if bounds := interval_text(interval, digits):
-            cell.append(f"\n{bounds}", "dim")
-        cells.append(cell)
+        text = _UNKNOWN if value is None else f"{value:z.{digits}f} {unit}".rstrip()
+        cells.append(_with_bounds(text, interval_text(interval, digits)))
     return cells
+
+
+def _with_bounds(text: str, bounds: str) -> Text:
+    """Return a cell with a confidence interval, if there is one, below its value."""
+    return Text(text).append(f"\n{bounds}", "dim") if bounds else Text(text)
 
 
 def comparison_table(comparison: SweepComparison, first: str, second: str) -> Table:

@@ -178,7 +178,7 @@ class SweepSummary(BaseModel, frozen=True):
         ]
         parts += [("all docking steps", self.mission.docks)] if self.mission is not None else []
         rows = [
-            (f"{name}: {what}", *quantile_cells(q))
+            (f"{name}: {what}", *_cells(q))
             for name, step in parts
             for what, q in (
                 ("lateral error at first contact [mm]", step.contact_lateral_mm),
@@ -200,7 +200,7 @@ class SweepSummary(BaseModel, frozen=True):
         return html_table(title, rows, head)
 
 
-def quantile_cells(values: Quantiles) -> tuple[str, str, str]:
+def _cells(values: Quantiles) -> tuple[str, str, str]:
     """Return median and 95 % with their confidence intervals, and the largest value, as text."""
     p50, p95, largest = ("" if v is None else f"{v:z.2f}" for v in (values.p50, values.p95, values.max))
     bounds = [interval_text(interval) for interval in (values.p50_interval, values.p95_interval)]

@@ -9,7 +9,8 @@ from types import MappingProxyType
 
 from pydantic import BaseModel
 
-from msrr_bullet.sweep.summary import StepFigures, SweepSummary, quantile_cells
+from msrr_bullet.statistics import Quantiles, interval_text
+from msrr_bullet.sweep.summary import StepFigures, SweepSummary
 from msrr_bullet.sweep.sweep import sweep_scenes
 from msrr_bullet.sweep.trials import TrialObserver, one_trial
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
@@ -66,7 +67,8 @@ class Variation(BaseModel, frozen=True):
 
     def _repr_html_(self) -> str:
         """Return the variation as a notebook shows it: a table."""
-        return html_table(self.title, self.rows(), self.head())
+        rows = [[f"{text} ({bounds})" if bounds else text for text, bounds in row] for row in self.rows()]
+        return html_table(self.title, rows, self.head())
 
     @property
     def title(self) -> str:
@@ -82,32 +84,45 @@ class Variation(BaseModel, frozen=True):
         return [
             *(key.rpartition(".")[2] for key in first.values),
             first.summary.goal.value,
-            "95 % interval",
             *(["last lock [s]"] if first.summary.mission is not None else []),
             *(["step"] if len(first.steps) > 1 else []),
             "lateral error [mm], median",
-            "95 %",
+            "lateral error [mm], 95 %",
             "yaw error [deg], 95 %",
         ]
 
-    def rows(self) -> list[list[str]]:
-        """Return the rows of the table: one for every level, and one more for every further docking step."""
+    def rows(self) -> list[list[tuple[str, str]]]:
+        """Return the rows of the table: one for every level, and one more for every further docking step.
+
+        A cell is a text, and the 95 % confidence interval of its value, that of a rate in percent; it is empty
+        without one.
+        """
         rows = []
         for level in self.levels:
             s, steps = level.summary, level.steps
-            succeeded = s.outcomes.get(s.goal.value, 0)
+            bounds = f"{100 * s.success.low:.1f} .. {100 * s.success.high:.1f}"
             cells = [
-                *level.values.values(),
-                f"{succeeded} of {s.trials}",
-                f"{100 * s.success.low:.1f} .. {100 * s.success.high:.1f} %",
-                *([quantile_cells(s.mission.makespan_s)[0]] if s.mission is not None else []),
+                *((value, "") for value in level.values.values()),
+                (f"{s.outcomes.get(s.goal.value, 0)} of {s.trials}", bounds),
+                *([_median(s.mission.makespan_s)] if s.mission is not None else []),
             ]
             for name, step in steps:
-                lateral = quantile_cells(step.contact_lateral_mm)
-                yaw = "" if (p95 := step.contact_yaw_deg.p95) is None else f"{p95:z.2f}"
-                rows.append([*cells, *([name] if len(steps) > 1 else []), *lateral[:2], yaw])
-                cells = [""] * len(cells)
+                figures = (
+                    _median(step.contact_lateral_mm),
+                    _tail(step.contact_lateral_mm),
+                    _tail(step.contact_yaw_deg),
+                )
+                rows.append([*cells, *([(name, "")] if len(steps) > 1 else []), *figures])
+                cells = [("", "")] * len(cells)
         return rows
+
+
+def _median(values: Quantiles) -> tuple[str, str]:
+    return "" if values.p50 is None else f"{values.p50:z.2f}", interval_text(values.p50_interval)
+
+
+def _tail(values: Quantiles) -> tuple[str, str]:
+    return "" if values.p95 is None else f"{values.p95:z.2f}", interval_text(values.p95_interval)
 
 
 def levels(values: Mapping[str, Sequence[object]]) -> list[dict[str, str]]:

@@ -77,18 +77,21 @@ def test_the_table_has_a_row_for_every_level_and_every_step(
     varied: Variation, inline: SupportsSubmit, made_up: TrialFunction
 ) -> None:
     assert varied.title == f"close_range (bullet, images) at 6 values of {LATENCY} and {CONTROLLER}"
-    assert varied.head()[:4] == ["latency_ms", "docking", "docked", "95 % interval"]
+    assert varied.head()[:4] == ["latency_ms", "docking", "docked", "lateral error [mm], median"]
+    interval = "67.6 .. 100.0"
     assert [row[:3] for row in varied.rows()] == [
-        [ms, law, "8 of 8"] for ms in ("20", "60.0", "120") for law in ("c1", "linear")
+        [(ms, ""), (law, ""), ("8 of 8", interval)]
+        for ms in ("20", "60.0", "120")
+        for law in ("c1", "linear")
     ]
     two = vary("three_units", {LATENCY: [20, 60]}, range(2), executor=inline, trial=made_up)
-    assert [(row[0], row[3]) for row in two.rows()] == [
+    assert [(row[0][0], row[2][0]) for row in two.rows()] == [
         ("20", "a to b.rear"),
         ("", "c to a.rear"),
         ("60", "a to b.rear"),
         ("", "c to a.rear"),
     ]
-    assert "<td" in varied._repr_html_()
+    assert f"8 of 8 ({interval})" in varied._repr_html_()
 
 
 @pytest.fixture
