@@ -94,8 +94,8 @@ class Variation(BaseModel, frozen=True):
     def rows(self) -> list[list[tuple[str, str]]]:
         """Return the rows of the table: one for every level, and one more for every further docking step.
 
-        A cell is a text, and the 95 % confidence interval of its value, that of a rate in percent; it is empty
-        without one.
+        A cell is a text, and the 95 % confidence interval of its value, that of a rate in percent, or else
+        an empty text.
         """
         rows = []
         for level in self.levels:
