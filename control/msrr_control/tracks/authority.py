@@ -83,8 +83,8 @@ class MovementAuthority:
         newest = self._newest
         if newest is None:
             return progress
-        docks = self.dock_start < self.length <= newest.limit
-        if now_ns < newest.expires_ns or (docks and progress > self.dock_start + 1e-9):
+        whole = self.length <= newest.limit
+        if now_ns < newest.expires_ns or (whole and progress > self.dock_start + 1e-9):
             self._stop = None
             return newest.limit
         if self._stop is None:

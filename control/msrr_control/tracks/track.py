@@ -107,8 +107,6 @@ class Track:
             Arc length of the nearest sample of that passage; None if that part of the track does not pass.
         """
         inside = np.flatnonzero((self.s >= low) & (self.s <= high))
-        if not len(inside):
-            return None
         delta = self.poses[inside, :2] - X_WU.translation
         turned = np.abs(np.remainder(self.poses[inside, 2] - X_WU.yaw + math.pi, 2.0 * math.pi) - math.pi)
         apart = np.hypot(delta[:, 0], delta[:, 1]) + 0.1 * turned
@@ -187,7 +185,7 @@ class TrackBuilder:
         if length <= l:
             return
         count = math.ceil((length - l) / _STEP_M)
-        every = max(int(SPACING_M / ((length - l) / count)), 1)
+        every = int(SPACING_M / ((length - l) / count))
         s = l + (length - l) * np.arange(1, count + 1) / count
         points = path.at(s).point
         tip = start.act([l, 0.0])

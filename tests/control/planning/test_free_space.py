@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from msrr_control.planning.free_space import Disc, FreeSpace
 
@@ -12,6 +13,27 @@ def test_a_unit_may_leave_a_disc_that_it_stands_in_but_not_go_deeper() -> None:
     outside = space.opened_at(1.2, 0.0)
     assert outside.allows(np.array([[1.2, 0.0]]))
     assert not outside.allows(np.array([[1.3, 0.0]]))
+
+
+@pytest.mark.parametrize("side", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+def test_a_unit_beyond_a_border_may_come_back_and_not_go_farther(side: tuple[float, float]) -> None:
+    out = np.array(side)
+    opened = FreeSpace((-1.0, 1.0, -1.0, 1.0), ()).opened_at(*(1.2 * out).tolist())
+    assert opened.allows(np.array([1.2 * out, 0.5 * out]))
+    assert not opened.allows(1.3 * out[None])
+    assert not opened.allows(-1.1 * out[None])
+
+
+def test_a_unit_may_leave_a_disc_in_whose_middle_it_stands() -> None:
+    opened = FreeSpace((-1.0, 1.0, -1.0, 1.0), (Disc("d", 0.3, -0.2, 0.5),)).opened_at(0.3, -0.2)
+    assert opened.allows(np.array([[0.3, -0.2]]))
+    assert opened.discs[0].radius >= 0.0
+
+
+def test_a_disc_within_a_circle_is_not_near_it() -> None:
+    space = FreeSpace((-1.0, 1.0, -1.0, 1.0), (Disc("d", 0.1, 0.0, 0.2),))
+    assert space.near_circle(0.0, 0.0, 0.31) is None
+    assert space.near_circle(0.0, 0.0, 0.29) is not None
 
 
 def test_the_disc_that_points_enter_deepest() -> None:

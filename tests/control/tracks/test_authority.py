@@ -90,3 +90,47 @@ def test_the_newest_counts_in_whatever_order_they_arrive() -> None:
     assert held.newest is messages[-1]
     assert 1 <= sum(begins) <= 2
     assert held.limit(0, 0.0, 0.0) == pytest.approx(0.8)
+
+
+def test_only_another_route_begins_anew() -> None:
+    held = MovementAuthority(LIMITS, REACTION_S)
+    assert held.legs == ()
+    assert held.length == held.dock_start == 0.0
+    assert held.receive(_authority(0.1, seq=1))
+    assert not held.receive(_authority(0.2, seq=2))
+    assert held.receive(_authority(0.1, seq=3, route=2))
+
+
+def test_a_dock_leg_begins_where_the_leg_before_it_ends() -> None:
+    held = MovementAuthority(LIMITS, REACTION_S)
+    held.receive(_authority(0.0))
+    assert held.length - held.dock_start == pytest.approx(0.7)
+    held.receive(replace(_authority(0.0, seq=2), legs=_legs()[-1:]))
+    assert held.dock_start == 0.0 < held.length
+
+
+def test_a_dock_leg_granted_in_part_is_not_driven_in_silence() -> None:
+    held = MovementAuthority(LIMITS, REACTION_S)
+    part = _legs()[-1].end - 0.1
+    held.receive(_authority(part, expires_ns=0))
+    assert held.limit(1, held.dock_start + 0.1, 0.1) < part
+
+
+def test_after_a_failed_attempt_in_silence_it_stays_before_the_dock_leg() -> None:
+    """It ran into the leg as it braked; where it would have stopped then does not count any more."""
+    held = MovementAuthority(LIMITS, REACTION_S)
+    held.receive(_authority(_legs()[-1].end, expires_ns=0))
+    begins = held.dock_start
+    assert held.limit(1, begins - 0.01, 0.3) > begins
+    assert held.limit(2, begins + 0.02, 0.2) == held.length
+    assert held.limit(3, begins - 0.1, 0.0) == begins - 0.1
+
+
+@pytest.mark.parametrize("turn", [-2.5, 0.0, 0.8])
+def test_a_route_in_the_open_ends_in_the_heading_of_its_track(turn: float) -> None:
+    builder = TrackBuilder(SE2(0.3, 0.2, 1.0), 0.1)
+    builder.ahead(0.5)
+    builder.turn_by(turn)
+    held = MovementAuthority(LIMITS, REACTION_S)
+    held.receive(replace(_authority(0.0), legs=builder.track().legs, to=None))
+    assert held.end_yaw == pytest.approx(builder.pose.yaw)

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from msrr_control.coordination.setup import CoordinationSetup
+from msrr_control.tracks.route_finder import RouteFinder
+from msrr_control.tracks.route_params import RouteParams
 from msrr_control.tracks.route_request import RouteRequest, Standing
-from msrr_control.tracks.track import GAP_M
+from msrr_control.tracks.track import GAP_M, TrackBuilder
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import LegKind
@@ -80,7 +82,8 @@ def test_a_unit_beside_an_obstacle_drives_straight_before_it_turns(
     start, body = SE2(0.0, 0.0, math.radians(90.0 * side)), setup.lanes.body
     x, y = start.act([0.05, -side * (body.half_width + 0.08 + 0.04)])
     post = ObstacleEstimate("post", 0, SE2(float(x), float(y)), np.eye(3) * 1e-6, 0.08)
-    track = setup.finder.find(RouteRequest(start, SE2(1.2, 0.0, 0.0), [], (post,)))
+    far = replace(post, name="far", X_WB=SE2(-1.5, 1.0))
+    track = setup.finder.find(RouteRequest(start, SE2(1.2, 0.0, 0.0), [], (far, post)))
     assert track is not None
     assert [leg.kind for leg in track.legs[:2]] == [LegKind.REVERSE, LegKind.TURN]
     assert not track.at_port.any()
@@ -105,6 +108,77 @@ def test_a_unit_backs_out_only_where_there_is_room(setup: CoordinationSetup) -> 
         post = ObstacleEstimate("post", 0, SE2(float(x), float(y)), np.eye(3) * 1e-6, 0.08)
         assert (finder.find(RouteRequest(place, None, hub, (post,), leaves="hub")) is not None) is leaves
         assert finder.behind(place, 0.3, (post,)) == (None if leaves else "post stands behind it")
+
+
+@pytest.mark.parametrize("yaw", [-math.pi / 2.0, 0.0, math.pi / 2.0, 3.0])
+def test_a_unit_outside_the_box_backs_out_only_where_it_comes_no_farther_out(
+    setup: CoordinationSetup, yaw: float
+) -> None:
+    """Along the border, or into the box."""
+    finder = setup.finder
+    x0, x1, _, _ = finder.box
+    for x, inwards in ((x1 + 0.05, math.cos(yaw)), (x0 - 0.05, -math.cos(yaw))):
+        assert (finder.behind(SE2(x, 0.0, yaw), 0.3, ()) is None) is (inwards > -1e-9)
+
+
+@pytest.mark.parametrize("extra", [0.0, 0.02])
+def test_bodies_known_less_well_stay_farther_from_what_they_pass(
+    setup: CoordinationSetup, extra: float
+) -> None:
+    """A unit backs out past a post."""
+    body = replace(setup.lanes.body, extra_gap=extra)
+    finder = RouteFinder(body, RouteParams(), setup.finder.box)
+    for off, passes in ((-0.002, False), (0.002, True)):
+        beside = SE2(-0.3, body.half_width + 0.05 + 0.044 + extra + off, 0.0)
+        post = ObstacleEstimate("post", 0, beside, np.eye(3) * 1e-6, 0.05)
+        assert (finder.behind(SE2(), 0.3, (post,)) is None) is passes
+
+
+def test_a_unit_that_stands_where_it_is_to_be_only_turns(setup: CoordinationSetup) -> None:
+    """One in a port leaves it first, and one that is to dock comes to the port along its lane."""
+    place = SE2(0.3, 0.2, 0.5)
+    there = place @ SE2(0.01, 0.0, 1.5)
+    track = setup.finder.find(RouteRequest(place, there))
+    assert track is not None
+    assert [leg.kind for leg in track.legs] == [LegKind.TURN]
+    assert track.end.yaw == pytest.approx(there.yaw)
+    hub = [Standing("hub", place @ SE2(0.2, 0.0, 0.0), True)]
+    leaves = setup.finder.find(RouteRequest(place, there, hub, leaves="hub"))
+    assert leaves is None or leaves.legs[0].kind is LegKind.BACK
+    docks = setup.finder.find(RouteRequest(there, place, dock=True, enters="hub"))
+    assert docks is not None
+    assert docks.legs[-1].kind is LegKind.DOCK
+
+
+def test_an_obstacle_in_a_lane_counts_until_the_unit_has_passed_it(setup: CoordinationSetup) -> None:
+    builder = TrackBuilder(SE2(-1.2, 0.0, 0.0), setup.lanes.body.offset)
+    builder.ahead(0.5)
+    builder.dock(SE2(), 0.7)
+    track, finder = builder.track(), setup.finder
+    for x, progress, meets in ((-0.3, 0.0, True), (-0.3, 0.95, False), (-0.3, 0.6, True), (-0.9, 0.0, False)):
+        post = ObstacleEstimate("post", 0, SE2(x, 0.0, 0.0), np.eye(3) * 1e-6, 0.05)
+        assert finder.ahead_in_lane(track, progress, (post,)) == ("post" if meets else None)
+
+
+def test_of_all_that_a_track_meets_the_first_is_told(setup: CoordinationSetup) -> None:
+    builder = TrackBuilder(SE2(-1.0, 0.0, 0.0), setup.lanes.body.offset)
+    builder.ahead(1.6)
+    near, far = Standing("z", SE2(-0.2, 0.1, 0.3), False), Standing("a", SE2(0.4, -0.1, 0.3), False)
+    for both in ((near, far), (far, near)):
+        contact = setup.finder.contact(builder.track(), both)
+        assert contact is not None
+        assert contact[1] == "z"
+
+
+def test_a_dock_leg_is_compared_where_the_docks_put_its_port(setup: CoordinationSetup) -> None:
+    """Sight shows the port 4 cm off; the neighbour is where the unit would dock if sight were right."""
+    body = setup.lanes.body
+    builder = TrackBuilder(SE2(-0.7, 0.0, 0.0), body.offset)
+    builder.dock(SE2(), 0.7)
+    neighbour = SE2(0.0, 2.0 * body.half_width + 0.03, 0.0)
+    for seat, meets in ((None, False), (SE2(0.0, -0.04, 0.0), False), (SE2(0.0, 0.04, 0.0), True)):
+        other = Standing("other", neighbour, True, seat)
+        assert (setup.finder.contact(builder.track(), [other]) is not None) is meets
 
 
 def test_where_there_is_no_way_there_is_no_track(setup: CoordinationSetup) -> None:

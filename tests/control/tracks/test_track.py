@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from msrr_control.path_following.path import Path
 from msrr_control.tracks.route_request import RouteRequest, Standing
 from msrr_control.tracks.track import (
     GAP_M,
+    LANE_GAP_M,
     PORT_GAP_M,
     SPACING_M,
     Track,
@@ -86,6 +88,8 @@ def test_backwards_it_keeps_its_heading() -> None:
     again = track_of(track.legs, start, OFFSET)
     np.testing.assert_allclose(again.poses, track.poses)
     assert [leg.kind for leg in again.legs] == [LegKind.REVERSE]
+    builder.reverse(0.1)
+    assert track_of(builder.track().legs, start, OFFSET).length == pytest.approx(0.35)
 
 
 def test_a_dock_leg_ends_in_the_port() -> None:
@@ -96,6 +100,32 @@ def test_a_dock_leg_ends_in_the_port() -> None:
     assert math.hypot(end.x - X_WE.x, end.y - X_WE.y) < 1e-4
     assert abs(wrap_angle(end.yaw - X_WE.yaw)) < 1e-4
     assert builder.track().legs[-1].kind is LegKind.DOCK
+    assert builder.track().dock_start == 0.0
+
+
+def test_between_samples_a_track_goes_on_evenly_and_beyond_its_ends_it_stays() -> None:
+    start = SE2(0.2, -0.1, 3.0)
+    builder = TrackBuilder(start, OFFSET)
+    builder.ahead(0.5)
+    builder.turn_to(-3.0)
+    track = builder.track()
+    assert track.length == pytest.approx(0.5 + OFFSET * (2.0 * math.pi - 6.0)), (
+        "it does not turn the short way"
+    )
+    for s in (-1.0, 0.0, 0.011, 0.25, 0.49):
+        X = start @ SE2(max(s, 0.0), 0.0, 0.0)
+        np.testing.assert_allclose(track.at(s).as_array(), X.as_array(), atol=1e-9)
+    half = track.at(0.5 * (track.s[-2] + track.length)).yaw
+    assert half == pytest.approx(0.5 * (track.poses[-2, 2] + track.poses[-1, 2]))
+    assert track.at(9.0) == track.end
+
+
+@pytest.mark.parametrize("beyond", [0.004, 0.05, 0.1, 0.3])
+def test_however_short_a_path_its_track_ends_on_it(beyond: float) -> None:
+    path = Path(np.zeros(3), np.array([2.0]), np.array([OFFSET + beyond]))
+    builder = TrackBuilder(SE2(), OFFSET)
+    builder.follow(path)
+    np.testing.assert_allclose(_tip(builder.pose), path.at(math.inf).point, atol=1e-6)
 
 
 @pytest.mark.parametrize("X", [SE2(), SE2(0.01, -0.02, 0.03), SE2(-0.02, 0.01, -0.05), SE2(0.0, 0.0, 6.28)])
@@ -162,7 +192,7 @@ def test_two_units_that_obey_never_come_too_near(setup: CoordinationSetup) -> No
         until = needed(earlier, later, body)
         assert (np.diff(np.nan_to_num(until, neginf=-9.0)) >= 0.0).all()
         crossed += bool((until > 0.0).any())
-        for s in rng.uniform(0.0, earlier.length, 12):
+        for s in (*rng.uniform(0.0, earlier.length, 12), *earlier.s[1::7], earlier.length):
             allowed = until <= s
             ahead = earlier.poses[earlier.s >= s]
             assert not body.near(ahead[:, None], later.poses[allowed][None], GAP_M).any()
@@ -184,6 +214,23 @@ def test_a_body_on_a_track_is_found_where_it_stands(setup: CoordinationSetup) ->
     assert body.gap(track.at(found), near) < GAP_M
     assert body.gap(track.at(found - 2.0 * SPACING_M), near) >= GAP_M > PORT_GAP_M
     assert first_contact(track, SE2(0.0, 1.0), False, body) is None
+
+
+@pytest.mark.parametrize("extra", [0.0, 0.03])
+def test_the_gap_that_is_kept_is_that_of_where_both_are(setup: CoordinationSetup, extra: float) -> None:
+    """It is widest in a dock leg, least between two at ports; bodies known less well stay farther apart."""
+    body = replace(setup.lanes.body, extra_gap=extra)
+    lane, drive = TrackBuilder(SE2(), OFFSET), TrackBuilder(SE2(), OFFSET)
+    lane.dock(SE2(0.7, 0.0, 0.0), 0.7)
+    drive.ahead(0.7)
+    for track, at_port, gap in (
+        (drive.track(), False, GAP_M + extra),
+        (lane.track(), False, LANE_GAP_M + extra),
+        (lane.track(), True, PORT_GAP_M),
+    ):
+        for off, meets in ((-0.002, True), (0.002, False)):
+            beside = SE2(0.7, 2.0 * body.half_width + gap + off, 0.0)
+            assert (first_contact(track, beside, at_port, body) is not None) is meets
 
 
 def test_a_seen_pose_is_found_on_its_track_and_nowhere_else() -> None:
