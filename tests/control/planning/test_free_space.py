@@ -18,7 +18,10 @@ def test_a_unit_may_leave_a_disc_that_it_stands_in_but_not_go_deeper() -> None:
 @pytest.mark.parametrize("side", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
 def test_a_unit_beyond_a_border_may_come_back_and_not_go_farther(side: tuple[float, float]) -> None:
     out = np.array(side)
-    opened = FreeSpace((-1.0, 1.0, -1.0, 1.0), ()).opened_at(*(1.2 * out).tolist())
+    space = FreeSpace((-1.0, 1.0, -1.0, 1.0), ())
+    opened = space.opened_at(*(1.2 * out).tolist())
+    assert space.allows(1.0005 * out[None]), "rounding is let pass"
+    assert not space.allows(1.0015 * out[None])
     assert opened.allows(np.array([1.2 * out, 0.5 * out]))
     assert not opened.allows(1.3 * out[None])
     assert not opened.allows(-1.1 * out[None])

@@ -6,11 +6,13 @@ import math
 
 import cv2
 import numpy as np
+import pytest
 
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.shapes.bodies import Body
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 
 
 def _corner_distance(a: Array, b: Array) -> float:
@@ -70,6 +72,34 @@ def test_near_asks_the_same_as_the_gap(setup: CoordinationSetup) -> None:
         assert not near.all()
         # Where circles decide that bodies are near, the strip between them is no wider either.
         np.testing.assert_array_equal(near, gaps < wanted)
+
+
+def test_the_measures_of_a_rectangle() -> None:
+    """It is neither about its axle nor symmetric, and all its numbers are plain."""
+    outline = np.array([[-0.1, -0.08], [0.2, -0.08], [0.2, 0.05], [-0.1, 0.05]])
+    body = Body(outline, {}, 0.2)
+    assert body.radius == pytest.approx(math.hypot(0.2, 0.08))
+    assert body.half_width == pytest.approx(0.08)
+    ahead, behind, left, right = (
+        body.gap(SE2(), X) for X in (SE2(0.5, 0.1), SE2(-0.5, 0.1), SE2(0.1, 0.5), SE2(0.1, -0.5))
+    )
+    assert (ahead, behind) == pytest.approx((0.2, 0.2))
+    assert (left, right) == pytest.approx((0.37, 0.37))
+    assert body.gap(SE2(), SE2(0.0, 0.5, math.pi)) == pytest.approx(0.4)
+    discs = body.gaps_to_disc(
+        np.array([[0.0, 0.0, 0.5 * math.pi], [0.0, 0.0, -0.5 * math.pi]]), 0.5, 0.0, 0.1
+    )
+    assert discs == pytest.approx([0.5 - 0.1 - 0.08, 0.5 - 0.1 - 0.05])
+    for gap in (0.199, 0.201):
+        assert body.near(np.zeros(3), np.array([0.5, 0.1, 0.0]), gap) == (gap > 0.2)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.006, 0.011, 0.0112, 0.0204])
+def test_bodies_stay_farther_apart_by_what_is_known_less_well_to_the_next_millimetre(error: float) -> None:
+    body = Body.of(read_unit(find_urdf("unit.urdf")), error)
+    assert max(error - 0.011, 0.0) - 1e-9 <= body.extra_gap < max(error - 0.010, 1e-9)
+    corners = np.linalg.norm(body.outline - np.roll(body.outline, 1, axis=0), axis=1)
+    assert corners.min() > 1e-3, "a corner is there twice"
 
 
 def test_docked_neighbours_at_a_corner_are_28_mm_apart(setup: CoordinationSetup) -> None:
