@@ -47,15 +47,17 @@ class StraightDrive:
     X_WS: SE2
     distance: float
 
-    @property
-    def longest_s(self) -> float:
-        """Time after which something holds the unit on its way [s]."""
-        return abs(self.distance) / _STRAIGHT_MPS + _SPARE_S
+    def longest_s(self, limits: LimitsSpec) -> float:
+        """Return the time after which something holds the unit on its way [s]."""
+        return abs(self.distance) / _fastest(limits) + _SPARE_S
 
     def step(self, X_WU: SE2, limits: LimitsSpec) -> Twist | None:
         """Return the command of a unit at ``X_WU``; None at the end of the way."""
         left = self.distance - (self.X_WS.inverse() @ X_WU).x
         if abs(left) < _THERE_M:
             return None
-        fastest = min(_STRAIGHT_MPS, limits.v_max_mps)
-        return Twist(math.copysign(min(_STRAIGHT_PER_S * abs(left), fastest), left), 0.0)
+        return Twist(math.copysign(min(_STRAIGHT_PER_S * abs(left), _fastest(limits)), left), 0.0)
+
+
+def _fastest(limits: LimitsSpec) -> float:
+    return min(_STRAIGHT_MPS, limits.v_max_mps)

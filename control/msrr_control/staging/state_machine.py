@@ -239,8 +239,9 @@ class LongDistanceAssembler(Generic[State]):
         if self._straight is None:
             way = self._planner.margins.way_to_turn(arena, self._setup.unit_radius[self._setup.unit])
             self._straight = StraightDrive(arena.X_WU, way or 0.0)
-        twist = self._straight.step(arena.X_WU, self._setup.limits)
-        if twist is None or self._time_in_state(observation.now_ns) > self._straight.longest_s:
+        limits = self._setup.limits
+        twist = self._straight.step(arena.X_WU, limits)
+        if twist is None or self._time_in_state(observation.now_ns) > self._straight.longest_s(limits):
             return _Transition(AssemblyState.BRAKE, self._reason)
         return twist
 
