@@ -64,6 +64,45 @@ def test_ideal_units_measure_the_truth() -> None:
         units.advance(np.array([[0.3, 0.5]] * 3))
 
 
+@pytest.mark.parametrize("compensated", [False, True])
+def test_measurements_scatter_about_the_truth_by_what_is_stated(compensated: bool) -> None:
+    errors = Disturbance(sigma_xy_m=0.02, sigma_yaw_deg=3.0, delay_s=0.04, compensated=compensated)
+    units, off = _units(errors, 4000), []
+    for _ in range(4):
+        late, measured = units.measure()
+        off.append(late - units.exposed)
+        units.advance(np.zeros((4000, 2)))
+    np.testing.assert_allclose(off[-1].std(axis=0), [0.02, 0.02, np.radians(3.0)], rtol=0.05)
+    np.testing.assert_allclose(measured - units.pose, off[-1], atol=1e-12)
+    np.testing.assert_array_equal(off[0], off[2])  # the first one stays until the next one arrives
+    assert (off[3] != off[2]).all()
+
+
+def test_grips_of_wheels_lie_about_one_and_differ() -> None:
+    grips = _units(Disturbance(slip=0.05), 4000)._grips
+    assert np.abs(grips - 1.0).max() <= 0.05
+    np.testing.assert_allclose(grips.std(axis=0), 0.05 / np.sqrt(3.0), rtol=0.05)
+    np.testing.assert_allclose(grips.mean(axis=0), 1.0, atol=0.002)
+    assert abs(np.corrcoef(grips.T)[0, 1]) < 0.06
+
+
+def test_a_noisy_heading_turns_the_motion_since_its_exposure() -> None:
+    """What is moved forward starts in the measured heading, not in the true one."""
+    units = DisturbedUnicycles(
+        np.zeros((200, 3)),
+        Disturbance(sigma_yaw_deg=10.0, delay_s=0.1),
+        NORMAL,
+        0.02,
+        np.random.default_rng(0),
+    )
+    for _ in range(60):
+        late, moved = units.measure()
+        way = units.pose[:, 0] - units.exposed[:, 0]
+        units.advance(np.full((200, 2), [0.3, 0.0]))
+    np.testing.assert_allclose(moved[:, 0] - late[:, 0], way * np.cos(late[:, 2]), atol=1e-9)
+    np.testing.assert_allclose(moved[:, 1] - late[:, 1], way * np.sin(late[:, 2]), atol=1e-9)
+
+
 def test_a_delay_is_compensated_by_odometry_unless_it_is_not() -> None:
     blind, seeing = (_units(Disturbance(delay_s=0.1, compensated=c)) for c in (False, True))
     poses = []

@@ -83,6 +83,60 @@ def test_the_same_seed_gives_the_same_bits(facts: DockSetup) -> None:
     np.testing.assert_array_equal(a.pose, b.pose)
 
 
+def _made(off: np.ndarray, contact: list[int], edge: np.ndarray | None = None) -> StudyResult:
+    """A result of 0.1 s steps with these distances from trajectory and axis, shape (steps, trials)."""
+    steps, trials = off.shape
+    nothing, away = np.zeros((steps, trials, 2)), np.stack([np.zeros_like(off), off], axis=-1)
+    edges = nothing if edge is None else np.stack([np.zeros_like(edge), -edge], axis=-1)
+    pose = np.stack([np.zeros_like(off), off, 2.0 * off], axis=-1)
+    return StudyResult(0.1, pose, nothing, nothing, edges, away, nothing, np.array(contact))
+
+
+def test_the_figures_of_trials_that_are_known() -> None:
+    """One that settles, one that does only after contact, one that never does, one that does not come."""
+    late = np.arange(41)[:, None]
+    off = np.where(late < [12, 12, 99, 25], 0.02, np.where(late < 28, 0.01, 0.001))
+    off[30:, 0] = 0.5  # behind the contact nothing counts
+    result = _made(off, [29, 11, 20, -1])
+    assert result.at_face.tolist() == [True, True, True, False]
+    assert result.settling_time().tolist() == pytest.approx([1.2, np.inf, np.inf, 2.5])
+    assert result.settling_time(0.005)[3] == pytest.approx(2.8)
+    assert result.settling_time(0.03)[2] == 0.0
+    for figure in (result.final_error(), result.port_error()):
+        assert figure == pytest.approx([0.01, 0.02, 0.02, 0.001])
+    assert result.at_contact()[0] == pytest.approx([0.001, 0.02, 0.02])
+    assert result.at_contact()[1] == pytest.approx([0.002, 0.04, 0.04])
+    nearly = _made(np.where(np.arange(41)[:, None] <= [18, 19], 0.3, 0.0), [29, 29])
+    assert nearly.final_error() == pytest.approx([0.0, 0.3]), "the last second is counted from contact"
+
+
+def test_a_target_is_kept_if_no_edge_leaves_the_cone_before_contact() -> None:
+    steps = np.arange(20)[:, None]
+    result = _made(np.zeros((20, 3)), [10, 10, -1], np.where(steps == [10, 11, 19], 0.5, -0.3))
+    assert result.in_cone(0.4).tolist() == [False, True, False]
+    assert result.in_cone(0.6).all()
+    assert not result.in_cone(0.2).any()
+
+
+@pytest.mark.parametrize("compensated", [False, True])
+def test_the_law_is_given_edges_as_noisy_and_as_late_as_they_are(facts: DockSetup, compensated: bool) -> None:
+    """Moved forward, they are those of now but for their noise."""
+    sigma, seen = 0.5, []
+
+    class Watching(C1DockingLaw):
+        def step(self, state, inputs, dt):
+            seen.append(inputs.edges)
+            return super().step(state, inputs, dt)
+
+    errors = Disturbance(sigma_bearing_deg=sigma, delay_s=0.1, compensated=compensated)
+    rng = np.random.default_rng(1)
+    result = run_docking_study(Watching(STEADY, facts), facts, rng, 100, disturbance=errors, duration=4.0)
+    late = 0 if compensated else 5
+    off = np.array(seen)[late:] - result.edges[: len(seen) - late]
+    assert np.degrees(off[10:].std()) == pytest.approx(sigma, rel=0.03)
+    assert np.degrees(np.abs(off[10:].mean())) < 0.03
+
+
 class _Broken(C1DockingLaw):
     """C1 with commands that are wrong in one way."""
 

@@ -3,11 +3,15 @@
 Percentiles at a fixed seed: these tests cannot fail by chance. The bounds are the paper's figures or better.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams
 from msrr_control.path_following.c2 import C2PathFollowingLaw, C2PathFollowingParams
+from msrr_control.path_following.path import PaceSpec
+from msrr_control.studies import metrics
 from msrr_control.studies.disturbance import Disturbance
 from msrr_control.studies.path_following_study import (
     PathFollowingStartSet,
@@ -70,6 +74,48 @@ def test_the_unit_ends_on_the_lead_in(noisy: PathFollowingStudyResult) -> None:
     assert np.degrees(np.abs(off)).max() < 8.0
 
 
+def test_the_distance_of_a_body_is_that_of_a_square_about_the_axle(ideal: PathFollowingStudyResult) -> None:
+    pose = np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 1.0, np.pi / 4.0], [0.0, 0.0, np.pi / 2.0]]])
+    obstacle = np.array(
+        [[0.4, 0.05], [-0.4, -0.5], [1.0 - 0.3 * np.sqrt(0.5), 1.0 + 0.3 * np.sqrt(0.5)], [0.05, -0.4]]
+    )
+    result = replace(ideal, pose=pose, obstacle=obstacle)
+    np.testing.assert_allclose(result.body_distance(), [[0.3, 0.5, 0.2, 0.3]], atol=1e-12)
+
+
+def test_paths_and_obstacles_are_in_the_set() -> None:
+    starts = PathFollowingStartSet(radius_m=(0.8, 1.0), sweep_deg=(100.0, 140.0))
+    path, middle = draw_paths(starts, 2000, np.random.default_rng(3))
+    radius = 1.0 / np.abs(path.curvature[:, 0])
+    assert ((radius >= 0.8) & (radius <= 1.0)).all()
+    sweep = np.degrees(path.lengths[:, 0] / radius)
+    assert ((sweep > 100.0 - 1e-9) & (sweep < 140.0 + 1e-9)).all()
+    np.testing.assert_allclose(path.lengths[:, 1], starts.lead_in_m)
+    assert 800 < (path.curvature[:, 0] > 0.0).sum() < 1200
+    assert (path.curvature[:, 1] == 0.0).all()
+    beside = metrics.from_path(middle[None], path)[0]
+    assert beside.max() <= starts.beside_m + 1e-9
+    assert beside.max() > 0.95 * starts.beside_m
+    # The nearest point of the circle, by its middle, which lies on the y axis.
+    turn = np.sign(path.curvature[:, 0])
+    along = np.mod(np.arctan2(middle[:, 0], radius - turn * middle[:, 1]), 2.0 * np.pi) * radius
+    latest = np.maximum(path.arc_end - starts.before_end_m, starts.after_start_m)
+    assert (along >= starts.after_start_m - 1e-9).all()
+    assert (along <= latest + 1e-9).all()
+
+
+def test_units_start_about_the_beginning_of_their_paths_and_end_them(ideal: PathFollowingStudyResult) -> None:
+    off, starts = ideal.pose[0] - [-0.10, 0.0, 0.0], PathFollowingStartSet()
+    most = np.array([starts.error_m, starts.error_m, np.radians(starts.error_deg)])
+    assert (np.abs(off) <= most).all()
+    assert (np.abs(off).max(axis=0) > 0.95 * most).all()
+    np.testing.assert_allclose(np.diff(ideal.time), 0.02)
+    np.testing.assert_allclose(ideal.desired[-1], ideal.path.at(ideal.path.length).point, atol=1e-3)
+    ended = ideal.desired[np.rint(ideal.arc_end / 0.02).astype(int), np.arange(200)]
+    beyond = np.linalg.norm(ended - ideal.path.at(ideal.path.arc_end).point, axis=1)
+    assert beyond.max() < 0.02 * PaceSpec().cruise_mps + 1e-3
+
+
 def test_without_the_envelope_it_drives_through() -> None:
     result = _study(C1PathFollowingParams(envelope=False), trials=50)
     assert (result.body_distance().min(axis=0) < BODY_M).all()
@@ -91,7 +137,9 @@ def test_anti_windup_lessens_the_overshoot_where_limits_bite() -> None:
 def test_compensating_the_delay_halves_the_steady_error() -> None:
     late = Disturbance(delay_s=0.1, compensated=False)
     none = PathFollowingStartSet(obstacle_m=None)
-    off = np.median(_study(disturbance=late, starts=none, trials=50).tracking_error())
+    blind = _study(disturbance=late, starts=none, trials=50)
+    assert not blind.walled.any()
+    off = np.median(blind.tracking_error())
     on = np.median(
         _study(
             disturbance=late.model_copy(update={"compensated": True}), starts=none, trials=50
