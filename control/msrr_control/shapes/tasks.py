@@ -175,8 +175,7 @@ def _stays(
         if not holder:
             return Stay(unit, *(("", there[unit]) if unit in there else (unit, SE2())), may_make_way=True)
         base = start(holder)
-        pose = there.get(unit) if base.frame == "" else None
-        return Stay(unit, base.frame, pose or body.docked(base.pose, port), port=holders[unit])
+        return Stay(unit, base.frame, body.docked(base.pose, port), port=holders[unit])
 
     here = {unit: start(unit) for unit in [*there, *holders]}
     left = []

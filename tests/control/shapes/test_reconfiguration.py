@@ -110,6 +110,53 @@ def test_the_bound_of_the_search_is_never_too_large_and_tells_more_than_the_plac
     assert tight > 0
 
 
+#: Forms of a root with units at its ports, the one that is wanted, what closes the lane to the right port,
+#: and the fewest hops; a unit is one letter, the ports are those from the root.
+BOUNDS: dict[str, tuple[dict[str, str], dict[str, str], list[str], int]] = {
+    "nothing is missing": ({"left": "a"}, {"left": "a"}, [], 0),
+    "one goes to a free port": ({"left": "a"}, {"right": "a"}, [], 1),
+    "one steps aside and comes back": (
+        {"left": "a", "rear": "b"},
+        {"left": "a", "right": "b"},
+        ["left"],
+        3,
+    ),
+    "so does what it carries": (
+        {"left": "a", "left rear": "c", "rear": "b"},
+        {"left": "a", "left rear": "c", "right": "b"},
+        ["left"],
+        5,
+    ),
+    "two change places": ({"left": "a", "rear": "b"}, {"left": "b", "rear": "a"}, [], 3),
+    "one takes along what it carries": (
+        {"left": "a", "left rear": "c"},
+        {"right": "a", "right rear": "c"},
+        [],
+        3,
+    ),
+    "anybody fills a port, two lie in its lane": (
+        {"left": "", "rear": "", "left rear": ""},
+        {"left": "", "right": "", "right rear": ""},
+        ["left rear", "rear"],
+        3,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BOUNDS)
+def test_the_bound_is_the_fewest_hops_where_that_is_plain(name: str) -> None:
+    start, goal, closing, hops = BOUNDS[name]
+    root = {"": "r" if any(goal.values()) else ""}
+    forms = [
+        frozenset((tuple(k.split()), unit) for k, unit in (root | form).items()) for form in (start, goal)
+    ]
+
+    def closes(place: Ports, other: Ports) -> bool:
+        return place == ("right",) and " ".join(other) in closing
+
+    assert least_hops(forms[0], forms[1], closes) == hops
+
+
 def test_units_that_change_places_step_aside(setup: CoordinationSetup) -> None:
     """Every unit of a line takes the place before its own, and the first one the last, in few hops."""
     names = [f"u{k}" for k in range(1, 8)]

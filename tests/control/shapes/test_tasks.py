@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import pytest
 
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.task_list import TaskList
-from msrr_control.shapes.tasks import Task, TaskKind, TaskState, plan_tasks
+from msrr_control.shapes.shape import build_pattern
+from msrr_control.shapes.tasks import Task, TaskKind, TaskState, plan_tasks, shape_tasks
 from msrr_scenes.errors import SceneError
-from msrr_scenes.specs.mission import AssembledPair, RadioSpec
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.specs.mission import AssembledPair, Pattern, RadioSpec
 from msrr_scenes.specs.plan import DockStep, MoveStep, UndockStep
 
 
@@ -45,6 +49,41 @@ def test_a_plan_that_cannot_be_followed_is_refused(
 ) -> None:
     with pytest.raises(SceneError, match=reason):
         plan_tasks(steps, {}, setup.lanes)
+
+
+@pytest.mark.parametrize("pattern", get_args(Pattern))
+def test_the_tasks_of_a_shape_are_its_places_in_an_order_that_keeps_lanes_open(
+    pattern: Pattern, setup: CoordinationSetup
+) -> None:
+    shape, X_WR = build_pattern(pattern, 7), SE2(0.3, -0.2, 1.0)
+    poses = shape.poses(X_WR, setup.lanes.body)
+    for named in (False, True):
+        tasks = shape_tasks(shape, setup.lanes, named, X_WR)
+        assert {task.name for task in tasks} == set(poses)
+        assert (tasks[0].name, tasks[0].kind, tasks[0].pose) == (shape.root.name, TaskKind.MOVE, X_WR)
+        earlier: list[str] = []
+        for task in tasks:
+            place = shape.by_name[task.name]
+            assert task.unit == (task.name if named else None)
+            assert task.stays
+            assert (task.parent, task.port) == (place.parent, place.port)
+            assert set(task.behind) <= set(earlier)
+            assert (task.parent is None) is (task.kind is TaskKind.MOVE)
+            assert task.parent is None or task.parent in task.behind
+            others = [name for name in earlier if name != place.parent]
+            if place.parent is not None:
+                assert not any(setup.lanes.closed_by(poses[task.name], poses[name]) for name in others)
+            later = [name for name in poses if name not in (*earlier, task.name, place.parent)]
+            closing = [n for n in later if setup.lanes.closed_by(poses[task.name], poses[n]) and place.parent]
+            behind = {t.name: _ancestors(t.name, tasks) for t in tasks}
+            assert all(task.name in behind[name] for name in closing)
+            earlier.append(task.name)
+
+
+def _ancestors(name: str, tasks: list[Task]) -> set[str]:
+    """All tasks that have to be granted before one."""
+    task = next(task for task in tasks if task.name == name)
+    return {name}.union(*(_ancestors(other, tasks) for other in task.behind))
 
 
 def test_only_what_goes_before_holds_a_task_back() -> None:
