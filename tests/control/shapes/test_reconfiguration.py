@@ -18,7 +18,7 @@ from msrr_control.shapes.reconfiguration import (
     reconfiguration_tasks,
     shape_ports,
 )
-from msrr_control.shapes.shape import Shape, build_pattern
+from msrr_control.shapes.shape import LEAST_GAP_M, Shape, build_pattern
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.specs.mission import Pattern
@@ -38,9 +38,13 @@ def _least(start: set[Ports], goal: set[Ports]) -> int:
 
 def _made(start: Mapping[Ports, str], hops: Sequence[Hop], setup: CoordinationSetup) -> dict[Ports, str]:
     """Return the form to which the hops lead, each of which has to be one that a unit can make."""
-    taken = dict(start)
+    taken, poses, body = dict(start), Reconfiguration(setup.lanes, SE2(), WIDE).pose, setup.lanes.body
     for leaves, enters in hops:
         unit = taken.pop(leaves)
+        others = [poses(place) for place in taken if place != leaves[:-1]]
+        out = [poses(leaves) @ SE2(-0.02 * k, 0.0, 0.0) for k in range(25)]
+        assert min((body.gap(X, other) for X in out for other in others), default=1.0) > LEAST_GAP_M - 1e-6
+        assert not any(setup.lanes.closed_by(poses(enters), poses(p)) for p in taken if p != enters[:-1])
         assert not any(place[:-1] == leaves for place in taken if place), "somebody is in its port"
         assert enters not in taken
         assert enters[:-1] in taken
@@ -214,6 +218,27 @@ def test_the_tasks_of_all_hops_lead_to_the_shape(pattern: Pattern, setup: Coordi
     assert set(assembly_ports(joints).values()) == set(shape_ports(goal).values())
 
 
+@pytest.mark.parametrize("yaw_deg", [0.0, 90.0, 180.0, 270.0])
+def test_a_place_and_its_lane_fit_in_a_box_that_just_holds_them(
+    yaw_deg: float, setup: CoordinationSetup
+) -> None:
+    lanes, X_WR = setup.lanes, SE2(0.3, -0.2, math.radians(yaw_deg))
+    place, room = lanes.body.docked(X_WR, "left"), lanes.spec.border_m + lanes.body.offset
+    x, y = zip(*((X.x, X.y) for X in (place, lanes.end(place))), strict=True)
+    least = [min(x) - room, max(x) + room, min(y) - room, max(y) + room]
+    shape = Shape.from_tree({"a": "root", "b": "a.left"})
+    for side, outwards in enumerate((-1.0, 1.0, -1.0, 1.0)):
+        for off, fits in ((0.001, True), (-0.001, False)):
+            box = [limit + 5.0 * way for limit, way in zip(least, (-1.0, 1.0, -1.0, 1.0), strict=True)]
+            box[side] = least[side] + outwards * off
+            x0, x1, y0, y1 = box
+            if fits:
+                assert reconfiguration_tasks({"b": "a.rear"}, shape, lanes, X_WR, (x0, x1, y0, y1))
+                continue
+            with pytest.raises(SceneError, match="do not fit into the arena"):
+                reconfiguration_tasks({"b": "a.rear"}, shape, lanes, X_WR, (x0, x1, y0, y1))
+
+
 def test_what_cannot_be_is_refused(setup: CoordinationSetup) -> None:
     holders = {"b": "a.rear", "c": "b.rear"}
     with pytest.raises(SceneError, match="3 units, the shape 4"):
@@ -221,3 +246,9 @@ def test_what_cannot_be_is_refused(setup: CoordinationSetup) -> None:
     narrow = (-2.0, 0.4, -0.4, 0.4)
     with pytest.raises(SceneError, match="do not fit into the arena from where the root"):
         reconfiguration_tasks(holders, build_pattern("zigzag", 3), setup.lanes, SE2(), narrow)
+    turned = Shape.from_tree({"a": "root", "c": "a.rear", "b": "c.rear"})
+    with pytest.raises(
+        SceneError, match="no order of leaving and docking again leads"
+    ):  # there is no way past
+        reconfiguration_tasks(holders, turned, setup.lanes, SE2(), narrow, named=True)
+    assert reconfiguration_tasks(holders, turned, setup.lanes, SE2(), WIDE, named=True)
