@@ -211,10 +211,20 @@ def test_the_tasks_of_all_hops_lead_to_the_shape(pattern: Pattern, setup: Coordi
     tasks = reconfiguration_tasks(joints, goal, setup.lanes, X_WR, setup.finder.box)
     unit_of = {task.name: task.unit for task in tasks}
     assert len(unit_of) == len(tasks)
+    last: dict[str | None, str] = {}  # the task that has brought a unit to where it is
+    hops: list[str] = []
     for task in tasks:
         assert task.unit is not None
         holder = task.parent_unit if task.parent is None else unit_of[task.parent]
         joints[task.unit] = f"{holder}.{task.port}"
+        assert task.parent == last.get(holder)
+        assert task.after == tuple(last[name] for name in (task.unit,) if name in last)
+        assert task.behind == tuple(list(last.values())[-1:])
+        hops.append(f"{task.unit} to {joints[task.unit]}")
+        times = hops.count(hops[-1])
+        assert task.name == (hops[-1] if times == 1 else f"{hops[-1]} ({times})")
+        last.pop(task.unit, None)
+        last[task.unit] = task.name
     assert set(assembly_ports(joints).values()) == set(shape_ports(goal).values())
 
 
