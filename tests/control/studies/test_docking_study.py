@@ -148,6 +148,8 @@ class _Broken(C1DockingLaw):
         command, state = super().step(state, inputs, dt)
         if self.way == "nan":
             command[::2] = np.nan
+        if self.way == "complex":
+            command = command.astype(complex)
         return (command[0] if self.way == "one" else command), state
 
 
@@ -156,6 +158,7 @@ class _Broken(C1DockingLaw):
     [
         ("one", r"_Broken.step returned shape \(2,\); expected finite numbers of shape \(1000, 2\)"),
         ("nan", "_Broken.step returned commands that are not finite"),
+        ("complex", "_Broken.step returned commands that are not finite"),
         ("writes", "read-only"),
     ],
 )
