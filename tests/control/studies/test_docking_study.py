@@ -28,6 +28,9 @@ def test_ideal_starts(facts: DockSetup) -> None:
     result = _study(facts, STEADY)
     settling, final = result.settling_time(), result.final_error()
     assert result.at_face.all()
+    trials = np.arange(1000)
+    assert (result.tip[result.contact, trials, 0] >= 0.0).all()
+    assert (result.tip[result.contact - 1, trials, 0] < 0.0).all()
     assert np.median(settling) == pytest.approx(1.0, abs=0.2)
     assert np.percentile(settling, 95) == pytest.approx(1.6, abs=0.2)
     assert np.percentile(final, 95) < 0.0015
@@ -129,8 +132,10 @@ def test_the_law_is_given_edges_as_noisy_and_as_late_as_they_are(facts: DockSetu
             return super().step(state, inputs, dt)
 
     errors = Disturbance(sigma_bearing_deg=sigma, delay_s=0.1, compensated=compensated)
-    rng = np.random.default_rng(1)
-    result = run_docking_study(Watching(STEADY, facts), facts, rng, 100, disturbance=errors, duration=4.0)
+    law, rng, states = Watching(STEADY, facts), np.random.default_rng(1), []
+    result = run_docking_study(law, facts, rng, 100, disturbance=errors, duration=4.0, observer=states.append)
+    assert len(states) == len(seen) == 200
+    assert not result.at_face.any()
     late = 0 if compensated else 5
     off = np.array(seen)[late:] - result.edges[: len(seen) - late]
     assert np.degrees(off[10:].std()) == pytest.approx(sigma, rel=0.03)
