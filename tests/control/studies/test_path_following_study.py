@@ -96,6 +96,7 @@ def test_paths_and_obstacles_are_in_the_set() -> None:
     beside = metrics.from_path(middle[None], path)[0]
     assert beside.max() <= starts.beside_m + 1e-9
     assert beside.max() > 0.95 * starts.beside_m
+    assert beside.min() < 0.05 * starts.beside_m
     # The nearest point of the circle, by its middle, which lies on the y axis.
     turn = np.sign(path.curvature[:, 0])
     along = np.mod(np.arctan2(middle[:, 0], radius - turn * middle[:, 1]), 2.0 * np.pi) * radius
@@ -137,8 +138,10 @@ def test_anti_windup_lessens_the_overshoot_where_limits_bite() -> None:
 def test_compensating_the_delay_halves_the_steady_error() -> None:
     late = Disturbance(delay_s=0.1, compensated=False)
     none = PathFollowingStartSet(obstacle_m=None)
-    blind = _study(disturbance=late, starts=none, trials=50)
+    states: list[object] = []
+    blind = _study(disturbance=late, starts=none, trials=50, observer=states.append)
     assert not blind.walled.any()
+    assert len(states) == len(blind.time)
     off = np.median(blind.tracking_error())
     on = np.median(
         _study(
