@@ -48,8 +48,10 @@ def waiting_places(
         keep.append(other.pose.translation[None])
         if other.under_way and other.track is not None:
             keep.append(other.track.poses[:, :2])
-    keep += [obstacle.X_WB.translation[None] for obstacle in obstacles]
     taken = np.concatenate(keep) if keep else np.zeros((0, 2))
     apart = np.hypot(*np.moveaxis(points[:, None] - taken[None], -1, 0)).min(axis=1, initial=math.inf)
+    for obstacle in obstacles:
+        larger = max(obstacle.radius - lanes.body.radius, 0.0)  # it counts as large as a unit at least
+        apart = np.minimum(apart, np.hypot(*(points - obstacle.X_WB.translation).T) - larger)
     free: Array = points[apart > WAITING_ROOM_M]
     return free
