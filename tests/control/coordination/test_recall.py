@@ -1,0 +1,129 @@
+"""Recalls: who is recalled and when, and when one that was recalled stands for certain."""
+
+from __future__ import annotations
+
+import pytest
+
+from msrr_control.coordination.ledger import SAME_M, UnitRecord
+from msrr_control.coordination.mission import Patience
+from msrr_control.coordination.recall import Recall
+from msrr_control.tracks.track import Track, TrackBuilder
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages.coordination import UnitMode, UnitReport, UnitState
+
+PATIENCE = Patience()
+S = 1_000_000_000
+
+
+def _into_a_port() -> Track:
+    """A way of 1 m ahead and 0.7 m into a port."""
+    builder = TrackBuilder(SE2(), 0.1)
+    builder.ahead(1.0)
+    builder.dock(builder.pose @ SE2(0.7, 0.0, 0.0), 0.7)
+    return builder.track()
+
+
+TRACK = _into_a_port()
+
+
+def _held(now_s: float, progress: float = 0.2, limit: float = 0.9) -> UnitRecord:
+    """A unit that has been standing since 0 s, and is heard."""
+    unit = UnitRecord("a", SE2(), state=UnitState.UNDER_WAY, route=1, track=TRACK, limit=limit)
+    unit.progress = progress
+    _hear(unit, now_s)
+    return unit
+
+
+def _hear(unit: UnitRecord, now_s: float, mode: UnitMode = UnitMode.STANDING) -> None:
+    unit.heard_ns = round(now_s * S)
+    unit.report = UnitReport("a", unit.heard_ns, 1, unit.route, unit.progress, mode, None)
+
+
+def _stops(recall: Recall, unit: UnitRecord, now_s: float, lane_closed: bool = False) -> bool:
+    return recall.has_stopped(unit, round(now_s * S), lane_closed)
+
+
+LONG_S = PATIENCE.held_s + 0.1
+
+
+@pytest.mark.parametrize(
+    ("change", "recalled"),
+    [
+        ({}, True),
+        ({"patient_ns": round(0.2 * S)}, False),
+        ({"limit": 0.2 + 0.8 * SAME_M}, False),  # it waits for others
+        ({"limit": 0.2 + 1.2 * SAME_M}, True),
+        (
+            {"progress": TRACK.dock_start - 0.8 * SAME_M, "limit": TRACK.length},
+            False,
+        ),  # it is in its dock leg
+        ({"progress": TRACK.dock_start - 1.2 * SAME_M, "limit": TRACK.length}, True),
+        ({"heard_ns": round((LONG_S - PATIENCE.silent_s - 0.1) * S)}, False),  # nobody can know
+        ({"heard_ns": round((LONG_S - PATIENCE.silent_s + 0.1) * S)}, True),
+        ({"state": UnitState.IDLE}, False),
+        ({"expired": True}, False),  # it drives on when the next authority arrives
+        ({"track": None}, False),
+    ],
+)
+def test_a_unit_is_recalled_that_is_held_for_long_and_could_drive_on(
+    change: dict[str, object], recalled: bool
+) -> None:
+    unit, recall = _held(LONG_S), Recall(PATIENCE)
+    for name, value in change.items():
+        setattr(unit, name, value)
+    assert not _stops(recall, unit, LONG_S)
+    assert recall.is_recalled(unit) is recalled
+
+
+def test_one_that_was_recalled_has_stopped_when_it_stands_and_its_authority_has_expired() -> None:
+    unit, recall = _held(LONG_S), Recall(PATIENCE)
+    _stops(recall, unit, LONG_S)
+    expired_s = LONG_S + PATIENCE.expires_s
+    _hear(unit, expired_s - 0.1)
+    assert not _stops(recall, unit, expired_s + 1.0), "an old report tells nothing"
+    _hear(unit, expired_s + 0.1, UnitMode.DRIVING)
+    assert not _stops(recall, unit, expired_s + 1.0)
+    assert recall.is_recalled(unit)
+    _hear(unit, expired_s + 0.1)
+    assert _stops(recall, unit, expired_s + 1.0)
+    assert not recall.is_recalled(unit)
+
+
+@pytest.mark.parametrize("lane_closed", [False, True])
+def test_one_that_drives_on_after_all_may_unless_its_lane_is_closed(lane_closed: bool) -> None:
+    unit, recall = _held(LONG_S), Recall(PATIENCE)
+    _stops(recall, unit, LONG_S, lane_closed)
+    assert recall.is_recalled(unit)
+    unit.moved_ns = round((LONG_S + 0.5) * S)
+    assert not _stops(recall, unit, LONG_S + 1.0, lane_closed)
+    assert recall.is_recalled(unit) is lane_closed
+    unit.state = UnitState.FAILED
+    assert not _stops(recall, unit, LONG_S + 2.0, lane_closed)
+    assert not recall.is_recalled(unit)
+
+
+def test_one_whose_lane_is_closed_is_recalled_as_it_drives() -> None:
+    unit, recall = _held(1.0), Recall(PATIENCE)
+    _hear(unit, 1.0, UnitMode.DRIVING)
+    assert not _stops(recall, unit, 1.0)
+    assert not recall.is_recalled(unit)
+    assert not _stops(recall, unit, 1.1, lane_closed=True)
+    assert recall.is_recalled(unit)
+    idle, other = _held(1.0), Recall(PATIENCE)
+    idle.state = UnitState.IDLE
+    _stops(other, idle, 1.1, lane_closed=True)
+    assert not other.is_recalled(idle)
+
+
+def test_a_unit_is_recalled_so_often_and_then_no_more() -> None:
+    recall, now_s, times = Recall(PATIENCE), LONG_S, 0
+    for _ in range(PATIENCE.recalls + 2):
+        unit = _held(now_s)
+        _stops(recall, unit, now_s)
+        now_s += PATIENCE.expires_s + 0.1
+        _hear(unit, now_s)
+        times += _stops(recall, unit, now_s)
+    assert times == PATIENCE.recalls
+    closed = _held(now_s)
+    _stops(recall, closed, now_s, lane_closed=True)
+    assert recall.is_recalled(closed), "a closed lane is another matter"
