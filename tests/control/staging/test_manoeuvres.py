@@ -31,7 +31,7 @@ def test_a_turn_on_the_spot_may_be_allowed_in_part() -> None:
     assert spot_turn(-0.2, PARAMS, LIMITS, 0.3) == spot_turn(-0.2, PARAMS, LIMITS)
 
 
-@pytest.mark.parametrize("distance", [-0.5, -0.05, 0.3])
+@pytest.mark.parametrize("distance", [-0.5, -0.03, 0.3])
 @pytest.mark.parametrize(("limits", "fastest"), [(LIMITS, 0.1), (SLOW, 0.04)])
 def test_a_straight_way_ends_at_its_length_in_time(
     distance: float, limits: LimitsSpec, fastest: float
