@@ -39,11 +39,9 @@ def test_a_shape_is_placed_clear_of_obstacles_and_of_those_who_take_no_part(
     root = tasks[0].pose
     assert root is not None
     assert len(chosen) == len(tasks) == 3
-    out = units["u3"]
-    for out.state, out.X_WU, obstacles in (
-        (UnitState.FAILED, root, ()),
-        (UnitState.IDLE, SE2(-1.7, -1.2), (ObstacleEstimate("post", 0, root, np.eye(3), 0.08),)),
-    ):
+    out, post = units["u3"], ObstacleEstimate("post", 0, root, np.eye(3), 0.08)
+    cases = (UnitState.IDLE, out.pose, (post,)), (UnitState.FAILED, root, ())
+    for out.state, out.X_WU, obstacles in cases:
         tasks, chosen = Siting(mission, setup).choose(units.values(), obstacles)
         moved = tasks[0].pose
         assert moved is not None

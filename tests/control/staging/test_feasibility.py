@@ -90,6 +90,14 @@ def test_a_place_may_lie_outside_by_what_its_port_is_drawn_anew(yaw_deg: int, si
         ({"obstacles.crate.pose": "{frame: b.rear, x_m: -0.6}"}, "stands on the place"),
         ({"obstacles.crate.pose": "{frame: b.rear, x_m: -0.4}"}, None),
         ({"units.b.pose": "{x_m: 1.2, y_m: 0.3}"}, None),
+        ({"units.b.pose.spread.yaw_deg": "12"}, None),  # and turned, by 0.21 m
+        ({"units.b.pose.spread.yaw_deg": "6"}, "stands on the place"),  # by 0.10 m
+        # An obstacle is drawn with the unit that it stands before.
+        ({"obstacles.crate.pose": "{frame: b.rear, x_m: -0.7}", "units.b.pose.spread.x_m": "0.1"}, None),
+        (
+            {"units.a.pose": "{x_m: 0.4}", "obstacles.crate.pose": "{y_m: 0.9}"},
+            None,
+        ),  # who docks stands there
     ],
 )
 def test_an_obstacle_stands_on_the_place_wherever_both_are_drawn(
