@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from msrr_control.coordination.embedding import embedding
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission
 from msrr_control.coordination.setup import CoordinationSetup
@@ -39,6 +40,10 @@ def test_a_shape_is_placed_clear_of_obstacles_and_of_those_who_take_no_part(
     root = tasks[0].pose
     assert root is not None
     assert len(chosen) == len(tasks) == 3
+    there = {name: unit.pose for name, unit in units.items()}
+    best = embedding(build_pattern("line", 3), there, setup.lanes, setup.finder.box, setup.travel)
+    assert best is not None
+    assert root == best.X_WR, "those who may take part can drive away"
     out, post = units["u3"], ObstacleEstimate("post", 0, root, np.eye(3), 0.08)
     cases = (UnitState.IDLE, out.pose, (post,)), (UnitState.FAILED, root, ())
     for out.state, out.X_WU, obstacles in cases:

@@ -10,7 +10,7 @@ import pytest
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.waiting_places import WAITING_ROOM_M, waiting_places
-from msrr_control.tracks.track import TrackBuilder
+from msrr_control.tracks.track import GAP_M, TrackBuilder
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import UnitState
@@ -42,6 +42,7 @@ def test_a_unit_waits_where_it_is_in_nobodys_way(setup: CoordinationSetup, state
     apart = np.minimum(apart, _distance(everywhere, [heap.X_WB]) - (0.5 - body.radius))
     np.testing.assert_array_equal(free, everywhere[apart > WAITING_ROOM_M])
     assert 10 < len(free) < len(everywhere) - 10
+    assert WAITING_ROOM_M > 2.0 * body.radius + GAP_M
 
 
 def test_waiting_places_cover_the_box_but_for_its_border(setup: CoordinationSetup) -> None:
