@@ -104,7 +104,7 @@ class Watch:
 
     def waits(self, unit: UnitRecord) -> bool:
         """Return whether a unit rests where its authority ends, or has not been allowed to begin."""
-        stands = unit.stands_at_limit or (unit.limit < 0.0 and unit.progress <= 0.0)
+        stands = unit.stands_at_limit or unit.limit < 0.0
         return unit.under_way and not unit.in_dock_leg and stands
 
     def restart(self, now_ns: int) -> None:

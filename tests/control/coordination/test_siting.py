@@ -12,7 +12,7 @@ from msrr_control.coordination.embedding import embedding
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission
 from msrr_control.coordination.setup import CoordinationSetup
-from msrr_control.coordination.siting import Siting
+from msrr_control.coordination.siting import Siting, check_shapes
 from msrr_control.shapes.shape import Shape, build_pattern
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
@@ -87,6 +87,19 @@ def test_the_root_of_an_assembly_has_to_be_seen_and_to_take_part(setup: Coordina
     for a.X_WU, a.state in ((None, UnitState.IDLE), (SE2(), UnitState.FAILED)):
         with pytest.raises(SceneError, match="the root 'a' of the assembly is not seen"):
             Siting(mission, setup).choose([a, b], ())
+
+
+def test_names_are_known_only_of_a_shape_that_was_built_of_named_places(setup: CoordinationSetup) -> None:
+    """Anybody may have taken the place of the root, which stays where it is."""
+    line = Shape.from_tree({"a": "root", "b": "a.rear"})
+    left = Mission(shape=Shape.from_tree({"a": "root", "b": "a.left"}), named=True)
+    check_shapes(Mission(shape=line, named=True, then=left), setup.lanes)
+    check_shapes(Mission(shape=line, holders={"b": "a.left"}, then=left), setup.lanes)
+    with pytest.raises(SceneError, match="name the places of that shape, too"):
+        check_shapes(Mission(shape=line, then=left), setup.lanes)
+    right = Mission(shape=Shape.from_tree({"a": "root", "c": "a.right"}), named=True)
+    with pytest.raises(SceneError, match="the places c are named by no unit"):
+        check_shapes(Mission(shape=line, named=True, then=right), setup.lanes)
 
 
 def test_a_shape_may_be_built_elsewhere_while_nobody_moves_or_has_docked(setup: CoordinationSetup) -> None:

@@ -42,7 +42,7 @@ def test_a_unit_waits_where_it_is_in_nobodys_way(setup: CoordinationSetup, state
     apart = np.minimum(apart, _distance(everywhere, [heap.X_WB]) - (0.5 - body.radius))
     np.testing.assert_array_equal(free, everywhere[apart > WAITING_ROOM_M])
     assert 10 < len(free) < len(everywhere) - 10
-    assert WAITING_ROOM_M > 2.0 * body.radius + GAP_M
+    assert 2.0 * body.radius + GAP_M < WAITING_ROOM_M
 
 
 def test_waiting_places_cover_the_box_but_for_its_border(setup: CoordinationSetup) -> None:

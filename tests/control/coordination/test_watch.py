@@ -126,6 +126,9 @@ def test_who_waits_has_come_to_rest_at_its_limit_or_may_not_begin() -> None:
     assert not Watch(PATIENCE).waits(_under_way(0.5, 0.5, UnitMode.DRIVING))
     assert not Watch(PATIENCE).waits(_under_way(0.0, 0.5, UnitMode.DOCKED))
     assert not Watch(PATIENCE).waits(_under_way(END, END)), "nobody is waited for in a dock leg"
+    over = _under_way(0.5, 0.5)
+    over.state = UnitState.IDLE
+    assert not Watch(PATIENCE).waits(over)
 
 
 @pytest.mark.parametrize(
@@ -156,7 +159,9 @@ def test_a_unit_has_arrived_that_rests_at_the_end_once_somebody_has_looked_or_ha
     ):
         unit.seen_ns = round(seen_s * S)
         assert Watch(PATIENCE).has_arrived(unit, round(now_s * S)) is arrived
-    assert not Watch(PATIENCE).has_arrived(_under_way(END - 1.2 * SAME_M, END), S)
+    short = _under_way(END - 1.2 * SAME_M, END)
+    short.X_WU = TRACK.end
+    assert not Watch(PATIENCE).has_arrived(short, round(20.0 * S))
     unit.route = 2
     assert not Watch(PATIENCE).has_arrived(unit, round(20.0 * S)), "that report is of another route"
 
@@ -174,7 +179,15 @@ def test_the_time_for_which_a_unit_had_to_wait_does_not_count_and_no_more_than_t
     assert failed_s == waited_s + PATIENCE.lost_s + STEP_S
 
 
-@pytest.mark.parametrize(("progress", "most_s"), [(0.2, PATIENCE.unheard_s), (1.2, PATIENCE.dock_s)])
+@pytest.mark.parametrize(
+    ("progress", "most_s"),
+    [
+        (0.2, PATIENCE.unheard_s),
+        (TRACK.dock_start - 1.2 * SAME_M, PATIENCE.unheard_s),
+        (TRACK.dock_start - 0.8 * SAME_M, PATIENCE.dock_s),
+        (1.2, PATIENCE.dock_s),
+    ],
+)
 def test_a_unit_is_lost_that_is_not_heard_for_as_long_as_it_may_take(progress: float, most_s: float) -> None:
     unit = _under_way(progress, END)
     unit.heard_ns, unit.granted_ns = S, 2 * S
@@ -192,6 +205,42 @@ def test_a_unit_has_arrived_in_a_port_once_it_is_locked_to_that_port() -> None:
         unit = _under_way(END, END, mode)
         unit.enters, unit.holder = ("b", "rear"), holder
         assert Watch(PATIENCE).has_arrived(unit, S) is arrived
+        unit.route = 2
+        assert not Watch(PATIENCE).has_arrived(unit, S), "that report is of another route"
+
+
+@pytest.mark.parametrize(("short", "fails"), [(0.0, True), (0.1, False)])
+def test_a_unit_that_may_drive_to_the_end_of_its_route_in_the_open_and_does_not_fails(
+    short: float, fails: bool
+) -> None:
+    """Nobody is in its way there: it does not hear that it may; one that may drive no further waits."""
+    builder = TrackBuilder(SE2(), 0.1)
+    builder.ahead(1.0)
+    unit = _under_way(builder.track().length - short - 0.8 * SAME_M, builder.track().length - short)
+    unit.track, watch = builder.track(), Watch(PATIENCE)
+    for k in range(1, 100):
+        unit.heard_ns = round(k * STEP_S * S)
+        told = watch.stagnation(unit, unit.heard_ns)
+        assert (told is not None) is (fails and k * STEP_S > PATIENCE.lost_s)
+        watch.advance(unit.heard_ns)
+    if fails:
+        assert told == f"no progress beyond {unit.progress:.2f} m in {PATIENCE.lost_s:.0f} s"
+        unit.report = UnitReport("a", 1, 1, 1, unit.progress, UnitMode.STANDING, None, reason="wheel stuck")
+        assert watch.stagnation(unit, unit.heard_ns) == f"{told}; it says 'wheel stuck'"
+
+
+def test_time_in_which_nobody_is_under_way_or_before_something_happens_does_not_count() -> None:
+    units, late_s = [_under_way(0.2, 0.2)], 20.0
+
+    def stalls(watch: Watch, now_s: float) -> bool:
+        units[0].heard_ns = round(now_s * S)
+        return watch.nobody_moves(units, units[0].heard_ns)
+
+    for begin in (lambda w: w.restart(round(late_s * S)), lambda w: w.nobody_moves([], round(late_s * S))):
+        watch = Watch(PATIENCE)
+        begin(watch)
+        assert not stalls(watch, late_s + PATIENCE.stalled_s - 0.1)
+        assert stalls(watch, late_s + PATIENCE.stalled_s + 0.1)
 
 
 #: What may happen to one of two that wait for each other: its limit, its progress, how long it is silent.
@@ -209,6 +258,7 @@ def test_nobody_moves_where_all_have_waited_for_each_other_for_long(event: str |
     late_s = PATIENCE.stalled_s + (0.0 if event is None else 3.0)
     for now_s, stalled in ((late_s - 0.1, False), (late_s + 0.1, True)):
         watch, units = Watch(PATIENCE), [_under_way(0.2, 0.2 + 0.8 * SAME_M) for _ in "ab"]
+        units.append(UnitRecord("c", SE2(), limit=0.9))  # it is idle, and need not be heard
         for at_s in (3.0, now_s):
             limit, progress, silent_s = 0.2, 0.2, 0.0
             if event is not None and at_s == 3.0:
