@@ -1,0 +1,80 @@
+"""Where a target stands so that all who are to dock to it, and to them, have their lanes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.setup import CoordinationSetup
+from msrr_control.coordination.target_place import place_of_target
+from msrr_control.shapes.tasks import Task, TaskKind
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import ObstacleEstimate
+
+
+def _dock(unit: str | None, holder: str, port: str) -> Task:
+    return Task(f"{unit} to {holder}", TaskKind.DOCK, unit, parent_unit=holder, port=port)
+
+
+def _units(**poses: SE2) -> dict[str, UnitRecord]:
+    return {name: UnitRecord(name, X) for name, X in poses.items()}
+
+
+A, C = SE2(1.2, 0.5, 2.0), SE2(1.2, -0.6, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("tasks", "b"),
+    [
+        ([_dock("a", "b", "rear")], SE2(-1.7, 0.0, 0.0)),
+        ([_dock("a", "b", "rear"), _dock("c", "b", "left")], SE2(0.0, 1.2, 0.0)),
+        ([_dock("c", "a", "rear"), _dock("a", "b", "right")], SE2(0.0, -0.7, 0.0)),
+    ],
+)
+def test_a_target_goes_to_where_all_lanes_lie_inside(
+    tasks: list[Task], b: SE2, setup: CoordinationSetup
+) -> None:
+    units, lanes = _units(a=A, b=b, c=C), setup.lanes
+    place = place_of_target(units["b"], tasks, units, setup, ())
+    assert place is not None
+    room = lanes.spec.border_m + lanes.body.offset
+    x0, x1, y0, y1 = setup.finder.box
+    poses = {"b": place}
+    for task in sorted(tasks, key=lambda task: task.parent_unit != "b"):
+        assert task.unit is not None
+        assert task.parent_unit is not None
+        poses[task.unit] = lanes.body.docked(poses[task.parent_unit], task.port)
+        for X in (poses[task.unit], lanes.end(poses[task.unit])):
+            assert x0 + room <= X.x <= x1 - room
+            assert y0 + room <= X.y <= y1 - room
+    units["b"].X_WU = place
+    assert place_of_target(units["b"], tasks, units, setup, ()) is None, "there it stays"
+
+
+def test_a_target_goes_to_where_nobody_stands_in_its_lanes(setup: CoordinationSetup) -> None:
+    """Those who dock drive away; whoever has no task, or an obstacle, stays."""
+    task, alone = _dock("a", "b", "rear"), _units(a=A, b=SE2())
+    best = place_of_target(alone["b"], [task], alone, setup, ())
+    assert best is not None
+    in_lane = best @ SE2(-0.6, 0.0, 0.0)
+    post = ObstacleEstimate("post", 0, in_lane, np.eye(3), 0.1)
+    for units, obstacles in ((_units(a=A, b=SE2(), d=in_lane), ()), (alone, (post,))):
+        place = place_of_target(units["b"], [task], units, setup, obstacles)
+        X = SE2() if place is None else place
+        leg = [X @ SE2(-0.2 - 0.05 * k, 0.0, 0.0) for k in range(15)]
+        near = min(math.hypot(X.x - in_lane.x, X.y - in_lane.y) for X in leg)
+        assert near > 0.1 + setup.lanes.body.half_width
+
+
+def test_only_dockings_of_units_that_are_named_and_seen_count(setup: CoordinationSetup) -> None:
+    units = _units(a=A, b=SE2(-1.7, 0.0, 0.0), c=C)
+    moves = Task("a", TaskKind.MOVE, "a", parent_unit="b", port="rear")
+    for tasks in ([_dock(None, "b", "rear")], [moves], [_dock("a", "c", "rear")]):
+        assert place_of_target(units["b"], tasks, units, setup, ()) is None
+    ring = [_dock("a", "b", "rear"), _dock("b", "a", "rear")]
+    assert place_of_target(units["b"], ring, units, setup, ()) is not None
+    units["a"].X_WU = None
+    assert place_of_target(units["b"], ring[:1], units, setup, ()) is None
