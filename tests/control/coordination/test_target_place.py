@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -67,6 +68,8 @@ def test_a_target_goes_to_where_nobody_stands_in_its_lanes(setup: CoordinationSe
         leg = [X @ SE2(-0.2 - 0.05 * k, 0.0, 0.0) for k in range(15)]
         near = min(math.hypot(X.x - in_lane.x, X.y - in_lane.y) for X in leg)
         assert near > 0.1 + setup.lanes.body.half_width
+    everywhere = (replace(post, radius=9.0),)
+    assert place_of_target(alone["b"], [task], alone, setup, everywhere) is None
 
 
 def test_only_dockings_of_units_that_are_named_and_seen_count(setup: CoordinationSetup) -> None:

@@ -100,6 +100,21 @@ def test_the_task_of_a_unit_that_fails_or_is_lost_is_open_for_another(
     assert _update(unit, tasks, NOW_S + later_s) == Changes(True, 0)
     assert (unit.state, unit.reason, tasks.state("t")) == (state, reason, TaskState.OPEN)
     assert _update(unit, tasks, NOW_S + later_s) == Changes(False, 0)
+    idler, tasks = _unit(mode, said), _tasks()
+    idler.task = None
+    assert _update(idler, tasks, NOW_S + later_s) == Changes(True, 0)
+    assert (idler.state, tasks.state("t")) == (state, TaskState.GRANTED)
+
+
+def test_what_happens_to_a_lost_unit_is_nothing_to_the_one_that_has_its_task_by_then() -> None:
+    for mode, holder, state in (
+        (UnitMode.FAILED, None, UnitState.FAILED),
+        (UnitMode.DOCKED, ("b", "rear"), UnitState.DOCKED),
+    ):
+        unit, tasks = _unit(mode), _tasks(TaskKind.DOCK)
+        unit.state, unit.holder, unit.enters = UnitState.LOST, holder, holder
+        assert _update(unit, tasks) == Changes(True, 0)
+        assert (unit.state, tasks.state("t")) == (state, TaskState.GRANTED)
 
 
 def test_a_unit_that_is_heard_and_makes_no_progress_fails() -> None:
