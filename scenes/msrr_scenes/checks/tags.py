@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -32,11 +31,7 @@ def covered_tags(scene: Scene, unit: str) -> Iterator[tuple[str, str]]:
             X_PT, corners = X_PU @ geometry.frame(slot), tag_corners(scene.tag_size(unit, slot))
             prints[slot] = X_PT.act(family.plate_ratio * corners)[:, 1:]
             needed[slot] = prints[slot] if family.white_inside else X_PT.act(corners)[:, 1:]
-        middles = {slot: corners.mean(axis=0) for slot, corners in prints.items()}
-        reach = {slot: max(math.dist(middles[slot], p) for p in prints[slot]) for slot in prints}
         for a, b in itertools.combinations(prints, 2):
-            if math.dist(middles[a], middles[b]) >= reach[a] + reach[b]:
-                continue
             overlap = max(_overlap(prints[a], needed[b]), _overlap(needed[a], prints[b]))
             if overlap > _TOUCH_M:
                 sizes = " and ".join(f"{1e3 * scene.tag_size(unit, slot):g}" for slot in (a, b))

@@ -29,6 +29,14 @@ def test_an_error_without_an_effect_is_refused(key: str, changes: dict[str, str]
     load_scene("close_range", {**changes, key: "{sigma: 0.002}"})
 
 
+def test_an_error_with_an_effect_is_accepted() -> None:
+    """Bullet has a floor and masses, the unicycle has neither; only one of the scenes has a camera above."""
+    of_robots = {"as_built.onboard.yaw_deg": "1", "as_built.body.switch_travel_m": "0.001"}
+    load_scene("close_range", {"plant": "unicycle", **of_robots})
+    load_scene("close_range", {"as_built.floor.ridge_m": "0.002", "as_built.body.mass_percent": "5"})
+    load_scene("two_units", {"plant": "unicycle", "as_built.overhead.yaw_deg": "1"})
+
+
 @pytest.mark.parametrize("plant", ["bullet", "unicycle"])
 @pytest.mark.parametrize("perception", ["images", "parametric"])
 def test_a_grade_goes_with_every_plant_and_perception(plant: str, perception: str) -> None:

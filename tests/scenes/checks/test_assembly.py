@@ -85,6 +85,12 @@ def test_what_cannot_be_is_named_with_its_mend(
     assert mend in str(caught.value)
 
 
+def test_poses_of_units_in_a_ring_are_not_told_of_for_none_of_them_is_at_fault(scene_file: Path) -> None:
+    with pytest.raises(SceneError, match="a ring") as caught:
+        load_scene(scene_file, {"assembled": "[a.front-b.rear, b.front-c.rear, c.front-a.rear]"})
+    assert "remove the pose" not in str(caught.value)
+
+
 @pytest.mark.parametrize(
     "plan",
     [

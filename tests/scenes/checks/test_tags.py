@@ -79,3 +79,13 @@ def test_the_overlap_is_the_least_way_by_which_two_polygons_part() -> None:
         assert _overlap(square, other) == pytest.approx(expected)
         assert _overlap(other, square) == pytest.approx(expected)
         assert _overlap(square[::-1], other) == pytest.approx(expected)
+
+
+def test_the_overlap_of_a_long_and_a_square_polygon_is_that_of_their_nearer_sides() -> None:
+    """A tag that is turned against its port is narrower than high, seen from in front."""
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    long = square * [4.0, 0.5]
+    for x, y, expected in ((0.0, 0.0, 1.5), (0.0, 1.2, 0.3), (4.5, 0.0, 0.5), (6.0, 0.0, -1.0)):
+        other = square + np.array([x, y])
+        assert _overlap(long, other) == pytest.approx(expected)
+        assert _overlap(other, long) == pytest.approx(expected)
