@@ -40,6 +40,10 @@ def test_a_mistake_in_a_description_of_many_units_is_told_once() -> None:
     lines = str(caught.value).splitlines()
     assert len(lines) == 3, lines  # its three ports
     assert all("units.a.urdf and 7 more units: unit.urdf: tags " in line for line in lines), lines
+    # All ports are drawn alike, whichever way they face.
+    assert len({line.partition("cover each other by ")[2].partition(", seen")[0] for line in lines}) == 1, (
+        lines
+    )
 
 
 def test_margins_may_share_their_white() -> None:
@@ -81,11 +85,17 @@ def test_the_overlap_is_the_least_way_by_which_two_polygons_part() -> None:
         assert _overlap(square[::-1], other) == pytest.approx(expected)
 
 
-def test_the_overlap_of_a_long_and_a_square_polygon_is_that_of_their_nearer_sides() -> None:
-    """A tag that is turned against its port is narrower than high, seen from in front."""
-    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    long = square * [4.0, 0.5]
-    for x, y, expected in ((0.0, 0.0, 1.5), (0.0, 1.2, 0.3), (4.5, 0.0, 0.5), (6.0, 0.0, -1.0)):
-        other = square + np.array([x, y])
-        assert _overlap(long, other) == pytest.approx(expected)
-        assert _overlap(other, long) == pytest.approx(expected)
+def test_the_overlap_of_slanted_polygons_is_across_the_sides_by_which_they_part_first() -> None:
+    """A tag that is turned against its port is no square, seen from in front."""
+    slanted = np.array([[0.0, 0.0], [4.0, 0.0], [5.0, 1.0], [1.0, 1.0]])
+    for off, expected in (
+        ([0.0, 0.0], 1.0),
+        ([0.0, 0.4], 0.6),
+        ([3.5, 0.0], np.sqrt(0.125)),
+        ([0, 1.5], -0.5),
+    ):
+        other = slanted + np.array(off)
+        assert _overlap(slanted, other) == pytest.approx(expected)
+        assert _overlap(other, slanted) == pytest.approx(expected)
+    triangle = np.array([[1.0, 0.5], [3.0, 0.5], [1.0, 2.5]])
+    assert _overlap(slanted, triangle) == pytest.approx(_overlap(triangle, slanted)) == pytest.approx(0.5)
