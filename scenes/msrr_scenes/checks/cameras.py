@@ -100,13 +100,13 @@ def _lens_problems(scene: Scene, name: str, spec: CameraSpec) -> Iterator[Proble
 def _fold_problems(scene: Scene, name: str, spec: CameraSpec) -> Iterator[Problem]:
     """Yield that the lens which is built shows two points at one pixel, as no lens does."""
     told, deviations = spec.lens, _lens_deviations(scene, name)
-    errors = {key: deviation.error or 0.0 for key, deviation in deviations.items()}
-    if any(errors.values()):
-        coefficients = {key: getattr(told.distortion, key) + error for key, error in errors.items()}
-        folds = explained_fold(Lens(told.camera, replace(told.distortion, **coefficients)))
-        if folds is not None:
-            text = f"{folds}; use smaller coefficients or a smaller field of view of cameras.{name}"
-            yield Problem(("as_built", name), text)
+    coefficients = {
+        key: getattr(told.distortion, key) + (deviation.error or 0.0) for key, deviation in deviations.items()
+    }
+    folds = explained_fold(Lens(told.camera, replace(told.distortion, **coefficients)))
+    if folds is not None:
+        text = f"{folds}; use smaller coefficients or a smaller field of view of cameras.{name}"
+        yield Problem(("as_built", name), text)
 
 
 def _lens_deviations(scene: Scene, name: str) -> dict[str, Deviation]:

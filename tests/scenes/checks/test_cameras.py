@@ -11,8 +11,8 @@ from msrr_scenes.loading.load import load_scene
 @pytest.mark.parametrize(
     ("key", "changes", "message"),
     [
-        ("exposure_ms", {"exposure_ms": "10", "renderer": "tiny"}, "use renderer raster"),
-        ("rolling_shutter_ms", {"rolling_shutter_ms": "10", "renderer": "tiny"}, "use renderer raster"),
+        ("exposure_ms", {"exposure_ms": "0.1", "renderer": "tiny"}, "use renderer raster"),
+        ("rolling_shutter_ms", {"rolling_shutter_ms": "0.1", "renderer": "tiny"}, "use renderer raster"),
         ("exposure_ms", {"exposure_ms": "41"}, "time between two frames, 40 ms"),
         ("latency_ms", {"exposure_ms": "10", "rolling_shutter_ms": "20", "latency_ms": "14"}, "15 ms after"),
     ],
@@ -27,6 +27,18 @@ def test_a_camera_that_cannot_be_is_refused(
         load_scene("two_units", prefixed)
     assert f"cameras.{camera}.{key}" in str(refused.value)
     load_scene("two_units", prefixed | {"perception": "parametric"})
+
+
+def test_the_cone_is_compared_with_what_the_onboard_camera_sees() -> None:
+    """A camera of 417 px sees 37.5 deg to a side, also if that is told by a calibration."""
+    told = "{fx_px: 417, fy_px: 417, cx_px: 319.5, cy_px: 239.5}"
+    for camera, mend in (
+        ({}, "or raise cameras.onboard.hfov_deg"),
+        ({"cameras.onboard.calibration": told}, "or use a camera that sees more"),
+    ):
+        load_scene("two_units", {**camera, "los.outer_deg": "37.4"})
+        with pytest.raises(SceneError, match=mend):
+            load_scene("two_units", {**camera, "los.outer_deg": "37.6"})
 
 
 def test_nothing_is_said_of_a_renderer_that_there_is_not() -> None:

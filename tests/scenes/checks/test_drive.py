@@ -57,6 +57,21 @@ def test_a_robot_that_never_drives_may_weigh_anything(tmp_path: Path) -> None:
     load_scene("round_robots", weighing(tmp_path, "b", 4000.0))
 
 
+@pytest.mark.parametrize(
+    ("name", "plan", "driving"),
+    [
+        ("bystander", "[{unit: a, to: b.rear}]", "units.a.urdf: "),
+        ("bystander", "[{unit: a, to: b.rear}, {unit: c, to: a.rear}]", "units.a.urdf and units.c.urdf: "),
+        ("assemble_tee", None, "units.a.urdf and 7 more units: "),
+    ],
+)
+def test_units_of_a_plan_or_a_shape_drive(name: str, plan: str | None, driving: str) -> None:
+    steps = {} if plan is None else {"plan": plan}
+    with pytest.raises(SceneError, match=r"limits\.a_max_mps2 promises 4") as caught:
+        load_scene(name, {**steps, "limits.a_max_mps2": "4"})
+    assert driving in str(caught.value)
+
+
 def test_motors_that_a_scene_makes_weak_are_a_fault_that_can_be_tried() -> None:
     assert "seized_drive" in shipped_scenes()
     assert load_scene("seized_drive").motors.torque_nm < 1e-4
