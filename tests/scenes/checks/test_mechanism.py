@@ -78,5 +78,6 @@ def test_units_of_a_shape_have_to_fit_each_other(tmp_path: Path) -> None:
     text = find_urdf("unit.urdf").read_text()
     (tmp_path / "wide.urdf").write_text(re.sub(r'"(\S+) 0\.04 0\.085"', r'"\1 0.05 0.085"', text))
     name = next(iter(load_scene("assemble_tee").units))
-    with pytest.raises(SceneError, match=r"pin_left is 10\.0 mm too far to the left for its hole"):
+    says = rf"units\.{name}\.urdf: wide\.urdf: .* pin_left is 10\.0 mm too far to the left for its hole"
+    with pytest.raises(SceneError, match=says):
         load_scene("assemble_tee", {f"units.{name}.urdf": str(tmp_path / "wide.urdf")})
