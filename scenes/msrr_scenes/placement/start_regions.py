@@ -57,7 +57,7 @@ def obstacle_outline(spec: ObstacleSpec) -> Array:
 
 def spread_over(pose: PoseSpec, points: Array) -> Array:
     """Return the region in the pose's frame that ``points`` of the posed frame cover over the spread."""
-    half = min(math.radians(pose.spread.yaw_deg), math.pi)
+    half = math.radians(pose.spread.yaw_deg)
     steps = math.ceil(half / _MAX_TURN)
     # The arc between two steps lies inside their chord if both are moved out by 1 / cos(step / 2).
     grown = points / math.cos(0.5 * half / steps) if steps else points
