@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from msrr_scenes.as_built import AsBuilt, as_designed, draw_as_built
+from msrr_scenes.as_built import AsBuilt, BuiltDrive, as_designed, draw_as_built
 from msrr_scenes.as_built.draw import LEAST_FRICTION
 from msrr_scenes.geometry.distortion import Distortion, has_inverse
 from msrr_scenes.geometry.se2 import SE2
@@ -139,12 +139,31 @@ def test_a_camera_is_mounted_in_its_own_frame() -> None:
 
 
 def test_a_misaligned_camera_is_turned_and_is_not_as_designed() -> None:
-    faulty = scene("perfect", faults="[{kind: camera_misaligned, unit: a, yaw_deg: 7}]")
+    fault = "{kind: camera_misaligned, unit: a, yaw_deg: 7}"
+    faulty = scene("perfect", faults=f"[{{kind: port_plugged, unit: a, port: rear}}, {fault}]")
     X_BX = as_designed(faulty).units["a"].camera.X_BX
     assert X_BX is not None
-    assert math.degrees(X_BX.to_se2().yaw) == pytest.approx(7.0)
+    turned = SE3.from_se2(SE2(0.0, 0.0, math.radians(7.0)))
+    np.testing.assert_allclose(X_BX.matrix(), turned.matrix(), atol=1e-15)
     assert not as_designed(faulty).is_as_designed
     assert as_designed(faulty).units["b"].camera.X_BX is None
+    mounted = draw_as_built(scene("{onboard: {x_m: 0.01, yaw_deg: 2}}", faults=f"[{fault}]"), 0)
+    X_BX = mounted.units["a"].camera.X_BX
+    assert X_BX is not None
+    both = turned @ SE3.from_se2(SE2(0.01, 0.0, math.radians(2.0)))
+    np.testing.assert_allclose(X_BX.matrix(), both.matrix(), atol=1e-15)
+
+
+def test_errors_of_drive_and_body_are_told_in_si_units() -> None:
+    drive = (
+        built("drive", lag_ms=50, dead_zone_radps=0.2, backlash_deg=3, radius_left_percent=2).units["a"].drive
+    )
+    assert drive == BuiltDrive((1.02, 1.0), lag_s=0.05, dead_zone_radps=0.2, backlash_rad=math.radians(3.0))
+    body = built("body", mass_percent=5.0, switch_travel_m=0.001).units["a"]
+    assert (body.mass_scale, body.switch_travel_error_m) == (1.05, 0.001)
+    assert type(built("onboard", jitter_ms=0.3).units["a"].camera.jitter_ns) is int
+    weightless = draw_as_built(scene("{body: {mass_percent: {sigma: 5}}}", plant="unicycle"), 0)
+    assert weightless.units["a"].mass_scale == 1.0
 
 
 def test_a_bracket_moves_its_tags_together_about_their_middle() -> None:
