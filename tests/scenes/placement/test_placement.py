@@ -12,6 +12,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.placement.placement import (
     Placement,
     close_range_steps,
+    draw,
     draw_placement,
     nominal_units,
     target_in_cone,
@@ -144,6 +145,23 @@ def test_a_unit_may_have_to_see_one_that_is_placed_in_its_own_frame(tmp_path: Pa
     for placement in drawn:
         X_WD = placement.units["a"] @ scene.geometry("a").dock_frame("rear")
         assert target_in_cone(X_WD.inverse() @ placement.units["b"], scene.geometry("b"), scene.los)
+
+
+def test_a_unit_is_drawn_again_until_it_sees_its_target_and_the_target_is_not(tmp_path: Path) -> None:
+    """Also if the file has the unit first. In the world a pose is that of the unit itself."""
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        "cameras: {overhead: null}\n"
+        "units:\n"
+        "  a: {number: 0, pose: {x_m: -0.8, spread: {yaw_deg: 40}}}\n"
+        "  b: {number: 1, pose: {x_m: 0.2, y_m: 0.1, yaw_deg: 5, spread: {y_m: 0.1, yaw_deg: 20}}}\n"
+        "plan: [{unit: a, to: b.rear}]\n"
+    )
+    scene = load_scene(path)
+    drawn = [place(scene, seed) for seed in range(20)]
+    assert sum(placement.redraws for placement in drawn) > 2
+    for seed, placement in enumerate(drawn):
+        assert placement.units["b"] == draw(scene.start_pose("b"), stream(seed, "start/b"))
 
 
 def test_the_order_of_steps_is_by_what_they_come_after_and_not_by_the_list(tmp_path: Path) -> None:
