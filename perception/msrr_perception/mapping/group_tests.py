@@ -107,7 +107,7 @@ class GroupTests:
             for group, excess, rank in tested
             if rank
         ]
-        if not self.all or not found.redundancy:
+        if not self.all:
             raise AdjustmentError("no corner is checked by others; take more pictures of every tag")
         self.usual: Mapping[Kind, Usual] = {
             kind: Usual.of([test.quantile for test in self.all if test.group.kind == kind])

@@ -95,6 +95,13 @@ def test_two_wrong_sightings_of_a_tag_are_those_behind_it() -> None:
     assert tests.sightings_behind(tag, lambda _: False) == []
 
 
+def test_groups_are_compared_with_those_of_their_kind() -> None:
+    tests = GroupTests(*adjusted(0.4))
+    for test in tests.all:
+        alike = Usual.of([other.quantile for other in tests.all if other.group.kind == test.group.kind])
+        assert test.score(tests.usual) == alike.score(test.quantile)
+
+
 def test_usual_is_the_middle_and_the_spread_of_most_but_no_less_than_that_of_a_normal_distribution() -> None:
     normal = norm.ppf((np.arange(999) + 0.5) / 999)
     for middle, spread in ((0.0, 1.0), (1.5, 3.0)):
