@@ -56,6 +56,13 @@ def test_what_a_group_adds_is_what_vanishes_when_it_is_left_out() -> None:
         assert test.rms_px == pytest.approx(np.sqrt(vanished / test.rank), rel=1e-3)
 
 
+def test_groups_are_all_sightings_of_a_tag_or_of_a_picture() -> None:
+    found, seen = adjusted(0.0)
+    for group in (test.group for test in GroupTests(found, seen).all[VIEWS * TAGS :]):
+        of = seen.tag if group.kind == "tag" else seen.view
+        np.testing.assert_array_equal(group.members, np.flatnonzero(of == of[group.members[0]]))
+
+
 def test_a_quantile_is_that_of_the_f_distribution() -> None:
     found, seen = adjusted(0.0)
     for test in GroupTests(found, seen).all:
