@@ -93,7 +93,7 @@ class Bundle:
 
     @cached_property
     def lens_column(self) -> int:
-        """First variable of the lens."""
+        """First variable of the lens; beyond the last variable if the lens stays as it is."""
         return 6 * (self.views + self.tags - 1)
 
     @cached_property
@@ -149,13 +149,15 @@ class Bundle:
         blocks = [
             (6 * seen.view, np.concatenate([turn_view, by_point], axis=-1)),
             (self.tag_columns[seen.tag], np.concatenate([turn_tag, by_place], axis=-1)),
+            (np.full(len(seen), self.lens_column), by_lens),
         ]
-        if self.refines_lens:
-            blocks.append((np.full(len(seen), self.lens_column), by_lens))
         return self._assembled(blocks)
 
     def _assembled(self, blocks: list[tuple[NDArray[np.intp], Array]]) -> csr_array:
-        """Return a sparse matrix of blocks of rows: first columns, shape (N,), values, shape (N, 4, 2, c)."""
+        """Return a sparse matrix of blocks of rows: first columns, shape (N,), values, shape (N, 4, 2, c).
+
+        Blocks beyond the last variable are left out.
+        """
         rows, columns, values = [], [], []
         for first, block in blocks:
             inside = np.flatnonzero(first < self.variables)
