@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -31,7 +32,7 @@ def exact(tag_size: float) -> tuple[Bundle, Sightings]:
         rng.uniform([-0.2, -0.2, 1.5], [0.2, 0.2, 2.0], (VIEWS, 3)),
         rng.uniform(-0.4, 0.4, (TAGS, 3)),
     )
-    true = Bundle(LENS, rotations(VIEWS, 0.2), p_CM, rotations(TAGS, 0.3), p_MT, 0, tag_size)
+    true = Bundle(LENS, rotations(VIEWS, 0.2), p_CM, rotations(TAGS, 0.3), p_MT, 0, tag_size).referred_to(0)
     view, tag = np.divmod(np.arange(VIEWS * TAGS), TAGS)
     corners = true.residuals(Sightings(view, tag, np.zeros((len(view), 4, 2)))).reshape(-1, 4, 2)
     return true, Sightings(view, tag, corners)
@@ -50,11 +51,23 @@ def test_exact_corners_give_nearly_exact_poses(shown: float) -> None:
         np.testing.assert_allclose(guess.X_MT(tag).matrix(), expected, atol=1e-4)
 
 
+@pytest.mark.parametrize("tag", [1, 3])
+def test_a_tag_that_is_seen_at_a_slant_comes_first(tag: int) -> None:
+    """All others face the cameras: both of their poses are right, or wrong where a print is narrow."""
+    true, seen = exact(0.15)
+    flat = replace(true, R_CM=np.tile(np.eye(3), (VIEWS, 1, 1)), R_MT=np.tile(np.eye(3), (TAGS, 1, 1)))
+    flat.R_MT[tag] = cv2.Rodrigues(np.array([0.5, 0.3, 0.0]))[0]
+    corners = flat.residuals(replace(seen, corners=np.zeros_like(seen.corners))).reshape(-1, 4, 2)
+    corners[0] = corners[0].mean(axis=0) + (corners[0] - corners[0].mean(axis=0)) * [1.0, 0.5]
+    assert initial_bundle(replace(seen, corners=corners), LENS, 0.15).reference == tag
+
+
 def test_an_alternative_turns_one_pose_over_and_shows_it_where_it_was_seen() -> None:
-    """Small tags, of which two poses are hardly told apart."""
+    """Small tags, of which two poses are hardly told apart; picture 3 shows one of them alone."""
     true, seen = exact(0.04)
+    seen = seen.of((seen.view < 3) | (seen.tag == 4))
     found = list(alternatives(true, seen, np.arange(VIEWS), np.arange(TAGS)))
-    assert found
+    whole = []
     for other in found:
         same = true.referred_to(other.reference)
         angles = [
@@ -70,6 +83,10 @@ def test_an_alternative_turns_one_pose_over_and_shows_it_where_it_was_seen() -> 
         off = np.linalg.norm(other.residuals(seen).reshape(-1, 4, 2), axis=2).mean(axis=1)
         assert off[~of].max() < 1e-6
         assert 0.0 < off[of].mean() < 8.0
+        whole.append(int(turned))
+    assert whole[-1] == TAGS + 3
+    assert len(whole) > 2
+    np.testing.assert_array_equal(true.residuals(seen), exact(0.04)[0].residuals(seen))  # it stays as it was
 
 
 def test_sightings_hang_together_by_tags_and_pictures() -> None:
