@@ -112,3 +112,29 @@ def test_light_that_falls_off_along_the_tag_turns_no_edge(plate: Plate, warp: Wa
         assert measured
         errors.append(found - even)
     assert np.abs(errors).max() < 0.06
+
+
+@pytest.mark.parametrize("blur_px", [0.0, 1.2])
+def test_a_picture_that_is_turned_or_mirrored_shows_the_same(
+    plate: Plate, warp: Warp, blur_px: float
+) -> None:
+    """Tags of 24 px anywhere in a picture, with sections that reach beyond its borders or do not."""
+    rng, window, measured = np.random.default_rng(8), Window(0, 0, 60, 50), []
+    for i in range(24):
+        square = _square(rng, 24.0) - 60.0 + rng.uniform([9.0, 9.0], [50.0, 40.0])
+        picture = warp(window, [(plate(i), square)])
+        found = refine_corners(picture, square[None], blur_px=blur_px)
+        measured.append(bool(found.measured[0]))
+        expected = found.corners[0]
+        for turn in range(8):
+            width = picture.shape[1]
+            if turn == 4:
+                picture = picture[:, ::-1]
+                square, expected = ([width - 1.0, 0.0] + [-1.0, 1.0] * p for p in (square, expected))
+            else:
+                picture = np.rot90(picture)
+                square, expected = ([0.0, width - 1.0] + [1.0, -1.0] * p[:, ::-1] for p in (square, expected))
+            turned = refine_corners(picture, square[None], blur_px=blur_px)
+            np.testing.assert_allclose(turned.corners[0], expected, atol=1e-6)
+            np.testing.assert_allclose(turned.sigma_px, found.sigma_px, rtol=1e-6)
+    assert 5 < sum(measured) < 20
