@@ -39,6 +39,21 @@ from msrr_scenes.errors import SceneError
             "stands 0.015 m from 'b'",
         ),
         ({"obstacles.post.height_m": "3"}, "obstacles.post.height_m", "raise cameras.overhead.height_m"),
+        (  # the plate of its tag is 2 mm thick
+            {"obstacles.post.height_m": "2.499", "cameras.overhead.height_m": "2.5"},
+            "obstacles.post.height_m",
+            "found 2.501",
+        ),
+        (
+            {"units.c.frames": "{tag_top: {link: tag_top, z_m: -0.4}}", "cameras.overhead.height_m": "0.6"},
+            "units.c.urdf",
+            "reaches up to the overhead camera at 0.6 m, found 0.63",
+        ),
+        (  # c moves with a
+            {"units.c.pose": "{frame: a.left, x_m: -0.2}", "obstacles.post.pose": "{x_m: -0.5, y_m: 0.4}"},
+            "obstacles.post.pose",
+            "overlaps 'c' for some start within its spread",
+        ),
         ({"obstacles.post.pose.x_m": "1e15"}, "obstacles.post.pose.x_m", "less than or equal to 100"),
         ({"units.c.pose.x_m": "-99"}, "units.c.pose", "outside the arena"),
         ({"los.half_width_m": "0.08"}, "los.half_width_m", "move the tags: nearer together"),
@@ -58,6 +73,7 @@ def test_starts_that_contradict_each_other(overrides: Mapping[str, str], place: 
         {"obstacles.post.pose": "{frame: a.front}", "obstacles.post.appears_at_s": "5"},  # a is gone by then
         {"units.c.pose.frame": "a.left", "units.c.pose.x_m": "-0.2", "units.c.pose.y_m": "0"},  # moves with a
         {"cameras.overhead": "null", "units.c.pose": "{x_m: 0.9, y_m: 0.3}"},  # in the view of a
+        {"obstacles.wall": "{shape: cylinder, radius_m: 0.06, pose: {x_m: 0.125, y_m: -0.45}}"},  # 5 mm apart
     ],
 )
 def test_what_is_allowed(overrides: Mapping[str, str]) -> None:
