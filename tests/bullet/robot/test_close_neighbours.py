@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from msrr_bullet.collision.clearance_model import ClearanceModel
+from msrr_bullet.robot.close_neighbours import CloseNeighbours
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, GlobalPose, MonitorState, PoseEstimate, Twist
@@ -82,3 +84,31 @@ def test_a_unit_in_the_holes_presses_on_beside_a_neighbour_in_its_seat(
     X_DU = SE2(-scene.geometry("a").control_offset("front") - gap_m, 0.007)
     state = decide(scene, X_DU, X_DC=X_DC, by_sight=True, sigma_m=sigma_m)
     assert (state is MonitorState.FREE) is passes
+
+
+@pytest.mark.parametrize("off_m", [0.0, 0.03])
+def test_where_the_world_begins_does_not_matter(scene: Scene, off_m: float) -> None:
+    """A neighbour in its seat is where its lock holds it, and another one where it is seen."""
+    joints = [DockStep(unit="c", to="b.left")]
+    neighbours = CloseNeighbours(scene, ClearanceModel.from_scene(scene), scene.docks[0], joints, 0.03, 3.0)
+    assert neighbours.limits.keys() == {"c"}
+    X_WD, uneven = scene.geometry("b").dock_frame("rear"), np.diag([1e-4, 4e-6, 1e-5])
+    sight = PoseEstimate(0, SE2(-0.5, 0.01, 0.02), SURE, 0)
+    found = []
+    for X_VW in (SE2(), SE2(1.3, -0.7, 2.0)):
+        turn = np.eye(3)
+        turn[:2, :2] = [[np.cos(X_VW.yaw), -np.sin(X_VW.yaw)], [np.sin(X_VW.yaw), np.cos(X_VW.yaw)]]
+        covariance = turn @ uneven @ turn.T
+        own, target, other, far = (
+            GlobalPose(name, 0, X_VW @ X, covariance)
+            for name, X in (("a", SE2()), ("b", SE2()), ("c", X_WD @ X_DC @ SE2(off_m)), ("far", SE2(3.0)))
+        )
+        arena = neighbours.in_dock_frame(ArenaEstimate(0, own, target, (other, far), (), 0), sight)
+        (one,) = arena.others
+        assert (one.name, arena.own.X_WB) == ("c", sight.X_DU)
+        found.append((one.X_WB.as_array(), one.covariance))
+    np.testing.assert_allclose(found[0][0], (X_DC @ SE2(off_m)).as_array(), atol=1e-12)
+    np.testing.assert_allclose(found[1][0], found[0][0], atol=1e-12)
+    np.testing.assert_allclose(found[1][1], found[0][1], atol=1e-12)
+    if off_m:  # x of D is that of the first world
+        np.testing.assert_allclose(found[0][1], uneven, atol=1e-12)
