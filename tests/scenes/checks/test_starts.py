@@ -80,6 +80,18 @@ def test_what_is_allowed(overrides: Mapping[str, str]) -> None:
     load_scene("bystander", overrides)
 
 
+@pytest.mark.parametrize(
+    ("pose", "says"), [({"units.a.pose.yaw_deg": "60"}, "turn it"), ({"units.c.pose.y_m": "1.45"}, "outside")]
+)
+def test_one_problem_of_a_unit_is_enough(pose: Mapping[str, str], says: str) -> None:
+    """Nobody sees it either, which is told of others."""
+    (unit,) = (key.split(".")[1] for key in pose)
+    with pytest.raises(SceneError) as caught:
+        load_scene("bystander", {**pose, "cameras.overhead": "null"})
+    (told,) = (line for line in str(caught.value).splitlines() if f"units.{unit}.pose: " in line)
+    assert says in told
+
+
 def test_each_way_out_of_a_target_that_is_too_wide_is_wide_enough() -> None:
     wide = {"los.half_width_m": 0.08}
     with pytest.raises(SceneError, match="too wide for the cone") as caught:
