@@ -30,7 +30,7 @@ def model() -> OverheadModel:
             "name": "outdoors",
             "units": {"a": {"number": 0}, "b": {"number": 1}},
             "obstacles": {"post": {"shape": "cylinder", "radius_m": 0.06, "tag_id": 500}},
-            "cameras": {"overhead": {}},
+            "cameras": {"overhead": {"x_m": 0.3, "y_m": -0.2}},
             "plan": [{"unit": "a", "to": "b.rear"}],
         }
     )
