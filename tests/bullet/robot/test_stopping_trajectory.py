@@ -295,3 +295,32 @@ def test_the_bound_of_the_travel_is_above_it_by_the_lag_of_the_drive_at_most(
     assert lag_s < 1.0 / 10.0
     bound = trajectory.max_travel(command, reach)
     assert travel <= bound <= travel + speed * (lag_s + 0.02)
+
+
+def test_an_estimate_of_the_past_is_carried_on_in_the_heading_of_the_unit(scene: Scene) -> None:
+    trajectory, before = (
+        StoppingTrajectory(scene),
+        GlobalPose("a", 4_900_000_000, SE2(1.0, 2.0, 0.8), NOTHING),
+    )
+    trajectory.advance(0)
+    trajectory.send(Twist(0.2, 0.3))
+    trajectory.advance(5_000_000_000)
+    X_WU = trajectory.present_pose(before, 5_000_000_000)
+    expected = before.X_WB @ SE2.exp(0.02, 0.0, 0.03)
+    assert X_WU.as_array() == pytest.approx(expected.as_array(), abs=1e-6)
+    assert trajectory.present_pose(before, before.stamp_ns) is before.X_WB
+
+
+def test_a_unit_travels_as_far_backwards_and_to_the_right(scene: Scene) -> None:
+    """By the command that is sent now, and by those that are on their way."""
+    farthest = set()
+    for sign in (1.0, -1.0):
+        for sent, command in (
+            (Twist(0.3 * sign, 0.5 * sign), Twist()),
+            (Twist(), Twist(0.3 * sign, 0.5 * sign)),
+        ):
+            trajectory = StoppingTrajectory(scene)
+            trajectory.advance(0)
+            trajectory.send(sent)
+            farthest.add(trajectory.max_travel(command, 0.2))
+    assert len(farthest) == 1
