@@ -88,3 +88,10 @@ def test_a_robot_on_one_caster_or_on_a_worn_one_is_accepted(
     changes: list[tuple[str, str]], tmp_path: Path
 ) -> None:
     load_scene("round_robots", changed(tmp_path, *changes))
+
+
+@pytest.mark.parametrize("z_m", ["-0.0005", "0.0005"])
+def test_the_floor_is_what_the_wheels_reach_to_wherever_the_axle_is_drawn(z_m: str) -> None:
+    """Half a millimetre above or below the ground."""
+    axle = f"{{link: base_footprint, z_m: {z_m}}}"
+    load_scene("round_robots", {f"units.{unit}.frames.axle": axle for unit in "ab"})
