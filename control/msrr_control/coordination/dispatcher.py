@@ -75,17 +75,38 @@ class Dispatcher:
         ]
 
     def assignment(self, tasks: TaskList) -> dict[str, str]:
-        """Return the unit for each open task, as far as there are units: the first tasks first."""
+        """Return the unit for each open task, as far as there are units.
+
+        The first tasks come first, but last of all those that nobody can begin now.
+        """
         result = {task.name: task.unit for task in tasks.open if task.unit is not None}
         reserved = set(result.values())
         idle = [unit for unit in self._idle() if unit.name not in reserved]
-        free = [task for task in tasks.open if task.unit is None][: len(idle)]
+        free = [task for task in tasks.open if task.unit is None]
+        if 0 < len(idle) < len(free):
+            closed = self._closed(free, tasks)
+            free.sort(key=lambda task: task.name in closed)
+        free = free[: len(idle)]
         names = {unit.name for unit in idle}
         if all(self.wanted.get(task.name) in names for task in free):
             return result | {task.name: self.wanted[task.name] for task in free}
         costs = self._costs(idle, free, tasks)
         pairs, _ = assign(costs)
         return result | {free[p].name: idle[u].name for u, p in pairs}
+
+    def _closed(self, free: list[Task], tasks: TaskList) -> set[str]:
+        """Return the names of the tasks that nobody can begin now.
+
+        Their port is taken, something stays in the lane of it, or such a task comes before them.
+        """
+        closed: set[str] = set()
+        for task in free:  # parents come before their children
+            enters, X_WE = self.ends.port_of(task), self.ends.pose_of(task, tasks)
+            taken = enters is not None and self.ends.taken_by(enters) is not None
+            blocked = task.kind is TaskKind.DOCK and X_WE is not None and self._stays_closed(X_WE)
+            if taken or blocked or not closed.isdisjoint((*task.depends_on, *task.behind)):
+                closed.add(task.name)
+        return closed
 
     def _costs(self, units: list[UnitRecord], free: list[Task], tasks: TaskList) -> Array:
         poses = [self.ends.pose_of(task, tasks) or SE2() for task in free]
@@ -138,7 +159,7 @@ class Dispatcher:
 
     def hindrance(self, task: Task, tasks: TaskList) -> str:
         """Return in words why nobody gets a route for an open task."""
-        name = self.assignment(tasks).get(task.name)
+        name = self.assignment(tasks).get(task.name) or next((unit.name for unit in self._idle()), None)
         if name is None:
             unseen = [u.name for u in self._units.values() if u.X_WU is None and not u.out_of_action]
             return "no unit is left" + (f"; never seen from above: {', '.join(unseen)}" if unseen else "")
@@ -201,6 +222,8 @@ class Dispatcher:
         """
         for task in tasks.ready():
             assigned = self.assignment(tasks).get(task.name)
+            if assigned is None:
+                continue  # there is nobody to make way for
             lanes = self.ends.lanes_of(task, tasks, assigned)
             if not lanes:
                 continue
@@ -221,7 +244,7 @@ class Dispatcher:
             X_WE = lanes[0]
             away = {u.name: math.hypot(u.pose.x - X_WE.x, u.pose.y - X_WE.y) for u in idle}
             rest = [unit for unit in idle if unit not in in_the_way and unit.name not in partners]
-            if assigned is not None and not self._reaches(self._units[assigned], task, tasks):
+            if not self._reaches(self._units[assigned], task, tasks):
                 rest = []
             for unit in [*in_the_way, *own, *sorted(rest, key=lambda u: away[u.name])]:
                 if self._evade(unit, tasks, now_ns):

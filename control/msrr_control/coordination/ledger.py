@@ -209,7 +209,7 @@ class UnitRecord:
         if self.under_way:
             return Standing(self.name, self.destination, self.enters is not None, X_WE)
         holds = any(self.name == port[0] for other in units for port in other.docks)
-        docked = self.holder is not None or self.state is UnitState.DOCKED
+        docked = bool(self.docks) or self.state is UnitState.DOCKED
         return Standing(self.name, self.pose, holds or docked, X_WE)
 
     def _seat(self, port: tuple[str, str], units: Iterable[UnitRecord], body: Body) -> SE2 | None:

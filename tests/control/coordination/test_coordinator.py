@@ -362,16 +362,13 @@ def test_a_step_of_a_unit_that_has_failed_before_says_so(rig: type[Rig]) -> None
 
 
 def test_what_was_given_up_for_a_lost_unit_is_done_when_it_is_found(rig: type[Rig]) -> None:
-    """`u2` may have docked to the port for which `u1` waits; `u1` is on its way to another port by then."""
+    """The first of two places was given up when their units are heard again."""
     shape = build_pattern("cross", 4)
     starts = {"u0": SE2(-0.12, 0.39, -2.23), "u1": SE2(-1.13, -0.82, 0.91), "u2": SE2(-0.41, 1.16, -2.94)}
-    silences = [
-        {"from_s": 1.8, "until_s": 62.2, "units": ["u1", "u2"]},
-        {"from_s": 60.0, "until_s": 110.0, "units": ["u2"]},
-    ]
+    silences = [{"from_s": 1.8, "until_s": 98.0, "units": ["u1", "u2"]}]
     radio = RadioSpec.model_validate({"silences": silences})
     run = rig(Mission(shape=shape), {**starts, "u3": SE2(1.25, 0.08, 0.26)}, radio=radio)
-    while run.now_ns < 109e9:
+    while run.now_ns < 97.5e9:
         run.step()
     assert run.status.given_up == ("p1",)
     status = run.run()
@@ -401,6 +398,32 @@ def test_nobody_makes_way_where_a_lost_unit_stands_in_the_lane(rig: type[Rig], s
         assert not any(unit.reason == "makes way" for unit in run.status.units)
     assert lost
     assert run.status.state is MissionState.COMPLETE, run.status.reason
+
+
+def test_who_cannot_take_the_first_open_place_takes_another_one(rig: type[Rig], starts: Starts) -> None:
+    """It made way three times, for a place whose lane was closed for good, before it took another one."""
+    shape = build_pattern("cross", 6)
+    run = rig(Mission(shape=shape), starts(1, 6), dies={"u3": (3.0, False), "u4": (2.0, True)})
+    while run.status.state is MissionState.RUNNING:
+        run.step()
+        assert not any(unit.reason == "makes way" for unit in run.status.units)
+    assert run.status.done == ("p0", "p3", "p4", "p5")
+    assert run.joints["u0"] == "u5.right"
+
+
+def test_who_cannot_take_a_place_in_which_a_silent_unit_may_be_takes_another_one(
+    rig: type[Rig], starts: Starts
+) -> None:
+    """It made way, and then found no route past the silent one, which did not count as docked for that."""
+    spec = {"silences": [{"from_s": 12.5, "until_s": 1000.0, "units": ["u4"]}]}
+    radio = RadioSpec.model_validate(spec)
+    run = rig(Mission(shape=build_pattern("cross", 6)), starts(1, 6), radio=radio, dies={"u3": (3.0, False)})
+    while run.status.state is MissionState.RUNNING:
+        run.step()
+        assert not any(unit.reason == "makes way" for unit in run.status.units)
+    assert run.joints["u4"] == "u5.rear"
+    assert run.joints["u0"] == "u5.right"
+    assert run.status.done == ("p0", "p3", "p4", "p5")
 
 
 def test_what_a_silent_unit_may_have_docked_to_stays_where_it_is(rig: type[Rig], starts: Starts) -> None:
