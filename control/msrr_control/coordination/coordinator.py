@@ -168,18 +168,21 @@ class Coordinator:
         hindered = False
         for unit in list(self._units.values()):
             in_lane = self._dispatcher.ahead_in_lane(unit)
-            held = self._recall.has_stopped(unit, now_ns, in_lane is not None)
             lost = None if unit.task is None else self._tasks.lost_base(unit.task)
+            vain = in_lane is not None or (lost is not None and self._root_is_open)
+            held = self._recall.has_stopped(unit, now_ns, vain)
             blocker = None if unit.blocked_by is None else self._units[unit.blocked_by]
             for_ever = blocker is not None and not blocker.under_way
             stuck = self._watch.waits(unit) and (lost is not None or for_ever or quiet)
             if not held and not stuck:
                 continue
-            waited = f"{lost} is open again" if lost else f"waited for {unit.blocked_by}"
             if in_lane is not None:
                 why = f"{in_lane} stands in the lane to its port"
+            elif lost is not None:
+                why = f"{lost} is open again"
             else:
-                why = f"was held {unit.progress:.2f} m along its way" if held else waited
+                held_at = f"was held {unit.progress:.2f} m along its way"
+                why = held_at if held else f"waited for {unit.blocked_by}"
             if unit.task is not None:
                 self._tasks.reopen(unit.task)
             unit.stand(now_ns, why)
@@ -193,6 +196,16 @@ class Coordinator:
             hindered |= lost is None
         if hindered:
             self._plan_anew(now_ns)
+
+    @property
+    def _root_is_open(self) -> bool:
+        """Whether the unit that was to be the root of the shape has missed its place, or has failed.
+
+        All others are on the way to where it was to stand, and it gets no route through what they have still
+        to drive. They are stopped at once, so that it need not wait until they have come as far as they may.
+        """
+        shape = self._mission.shape
+        return shape is not None and shape.root.name in self._tasks.names(TaskState.OPEN)
 
     def _plan_anew(self, now_ns: int) -> None:
         """Count that routes are planned anew, and give up what is open when that has happened too often."""

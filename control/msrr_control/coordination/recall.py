@@ -1,6 +1,7 @@
 """The recall of a unit that cannot drive its route to the end because of something that is not on the map.
 
-Its collision monitor may let it drive no further, or an obstacle may have appeared in the lane of its port.
+Its collision monitor may let it drive no further, an obstacle may have appeared in the lane of its port, or
+the unit that it drives to may not stand where it was to stand.
 """
 
 from __future__ import annotations
@@ -20,15 +21,15 @@ class Recall:
     def __init__(self, patience: Patience) -> None:
         """Begin with nobody recalled."""
         self._patience = patience
-        self._since_ns: dict[str, int] = {}  # time from which on a unit is sent no authority
+        self._since_ns: dict[tuple[str, int], int] = {}  # from when on nothing is sent, by unit and route
         self._times: dict[str, int] = {}
 
     def is_recalled(self, unit: UnitRecord) -> bool:
         """Return whether a unit is to be sent no authority."""
-        return unit.name in self._since_ns
+        return (unit.name, unit.route) in self._since_ns
 
-    def has_stopped(self, unit: UnitRecord, now_ns: int, lane_closed: bool) -> bool:
-        """Recall a unit that has been held for long, or whose lane is closed.
+    def has_stopped(self, unit: UnitRecord, now_ns: int, in_vain: bool) -> bool:
+        """Recall a unit that has been held for long, or that drives in vain.
 
         One that was held and makes progress after all may go on. One in its dock leg stops only when its
         attempt has failed, and it has backed off.
@@ -36,24 +37,26 @@ class Recall:
         Args:
             unit: The unit.
             now_ns: Time [ns].
-            lane_closed: Whether an obstacle stands in the lane of the port that the unit drives to.
+            in_vain: Whether an obstacle stands in the lane of the port that the unit drives to, or the port
+                is not to be where its route ends.
 
         Returns:
             Whether it stands and its authority has expired.
         """
-        since_ns = self._since_ns.get(unit.name)
+        key = unit.name, unit.route
+        since_ns = self._since_ns.get(key)
         if since_ns is None:
             held = self._is_held(unit, now_ns) and self._times.get(unit.name, 0) < self._patience.recalls
-            if held or (lane_closed and unit.under_way):
-                self._since_ns[unit.name] = now_ns
+            if held or (in_vain and unit.under_way):
+                self._since_ns[key] = now_ns
             return False
-        if not unit.under_way or (unit.moved_ns > since_ns and not lane_closed):
-            del self._since_ns[unit.name]
+        if not unit.under_way or (unit.moved_ns > since_ns and not in_vain):
+            del self._since_ns[key]
             return False
         expired_ns = since_ns + round(self._patience.expires_s * NS_PER_S)
         if unit.report is None or unit.report.stamp_ns <= expired_ns or not unit.stands:
             return False
-        del self._since_ns[unit.name]
+        del self._since_ns[key]
         self._times[unit.name] = self._times.get(unit.name, 0) + 1
         return True
 
