@@ -186,7 +186,14 @@ def sweep(
 
             with naming_overrides(given):
                 interrupted, stopped = _run_trials(
-                    scenes, wanted, kept, dask, jobs, wall_limit, observe, bar.console.print
+                    scenes,
+                    wanted,
+                    kept,
+                    dask,
+                    jobs,
+                    wall_limit,
+                    observe,
+                    partial(bar.console.print, highlight=False),
                 )
             if stopped is not None and not ended.outcomes():
                 raise stopped
