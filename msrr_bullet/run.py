@@ -55,7 +55,8 @@ def run_trial(
     """Run one trial.
 
     Trials may run in several threads of a process at the same time, each to the result that it has alone.
-    Threads take turns, so that processes, as those of :func:`msrr_bullet.sweep.sweep.sweep`, are done sooner.
+    Threads take turns, so that processes, as :func:`msrr_bullet.sweep.sweep.run_sweep` starts them, are done
+    sooner.
 
     Args:
         scene: The scene, from :func:`msrr_scenes.loading.load.load_scene`.

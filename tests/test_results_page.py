@@ -12,7 +12,7 @@ import pytest
 
 from msrr_bullet.cli.options import parse_seeds
 from msrr_bullet.sweep.summary import SweepSummary
-from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.sweep import run_sweep
 from msrr_scenes.loading import load_scene
 from tests.conftest import load_script
 
@@ -23,7 +23,7 @@ def swept(scene: str, trials: int) -> SweepSummary:
     """Return the summary of trials without contact and pixels."""
     points = load_scene(scene, {"plant": "unicycle", "perception": "parametric"})
     with ThreadPoolExecutor(1) as executor:  # starts faster than a process
-        return sweep(points, range(trials), executor=executor)
+        return run_sweep(points, range(trials), executor=executor)
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.specs.scene import Scene
 
 
-def sweep(
+def run_sweep(
     scene: Scene,
     seeds: Iterable[int],
     jobs: int | Callable[[], int] = 1,
@@ -48,7 +48,7 @@ def sweep(
         TypeError: A seed or ``jobs`` is no whole number, ``seeds`` is a single one, or the scene is none.
         ValueError: A seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``jobs`` not positive.
     """
-    (summary,) = sweep_scenes(
+    (summary,) = run_sweeps(
         [scene],
         seeds,
         jobs,
@@ -61,7 +61,7 @@ def sweep(
     return summary
 
 
-def sweep_scenes(
+def run_sweeps(
     scenes: Sequence[Scene],
     seeds: Iterable[int],
     jobs: int | Callable[[], int] = 1,

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from msrr_bullet.statistics import Quantiles, interval_text
 from msrr_bullet.sweep.summary import StepFigures, SweepSummary
-from msrr_bullet.sweep.sweep import sweep_scenes
+from msrr_bullet.sweep.sweep import run_sweeps
 from msrr_bullet.sweep.trials import TrialObserver, one_trial
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_scenes.errors import SceneError
@@ -175,7 +175,7 @@ def load_levels(
     return [found for _, found in loaded.values()]
 
 
-def vary(
+def run_variation(
     scene: str | Path,
     values: Mapping[str, Sequence[object]],
     seeds: Iterable[int],
@@ -197,7 +197,7 @@ def vary(
         scene: Name of a shipped scene, or path of a scene file.
         values: The values by dotted key, ``{"cameras.onboard.latency_ms": [0, 60, 120]}``.
         seeds: Seeds of the trials at every level.
-        jobs: See :func:`msrr_bullet.sweep.sweep.sweep`, as for all that follow but one.
+        jobs: See :func:`msrr_bullet.sweep.sweep.run_sweep`, as for all that follow but one.
         store: SQLite file of results.
         overrides: Values by dotted key that are the same at all levels; see
             :func:`msrr_scenes.loading.load.load_scene`.
@@ -208,10 +208,10 @@ def vary(
 
     Raises:
         SceneError: As :func:`levels` and :func:`load_levels` raise it.
-        MsrrError: See :func:`msrr_bullet.sweep.sweep.sweep`, also for other errors.
+        MsrrError: See :func:`msrr_bullet.sweep.sweep.run_sweep`, also for other errors.
     """
     choices = levels(values)
-    summaries = sweep_scenes(
+    summaries = run_sweeps(
         load_levels(scene, choices, overrides),
         seeds,
         jobs,

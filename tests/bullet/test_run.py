@@ -12,7 +12,7 @@ import pytest
 from msrr_bullet.log import read_log
 from msrr_bullet.run import run_trial
 from msrr_bullet.run_folder import RUN_FILES, RunFolderError
-from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress
 from msrr_scenes.errors import MsrrError
@@ -40,14 +40,14 @@ def test_a_folder_may_be_a_text_and_a_seed_is_a_whole_number(shipped: Load, tmp_
         with pytest.raises(TypeError, match=f"a seed is an integer, found {seed!r}"):
             run_trial(scene, seed, observer=seen.append)
         with pytest.raises(TypeError, match=f"seeds are integers, such as range\\(20\\), found {seed!r}"):
-            sweep(scene, seed)
+            run_sweep(scene, seed)
     assert not seen, "a trial was run whose result could not be"
 
 
 def test_the_name_of_a_scene_is_none() -> None:
     """As from a notebook, where no type is checked."""
     name: Any = "close_range"
-    for use in (run_trial, lambda scene: sweep(scene, [0])):
+    for use in (run_trial, lambda scene: run_sweep(scene, [0])):
         with pytest.raises(TypeError, match="expected a scene, as load_scene returns it, found str"):
             use(name)
 

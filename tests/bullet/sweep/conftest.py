@@ -7,7 +7,7 @@ from functools import partial
 import pytest
 
 from msrr_bullet.sweep.summary import SweepSummary
-from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.worker_pool import SupportsSubmit
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import AttemptRecord, Contact, PlanarPose, Seating, StepResult
@@ -81,4 +81,4 @@ def made_up_sweep(
     scene: Scene, inline: SupportsSubmit, made_up: Callable[[Scene, int], TrialResult]
 ) -> Callable[..., SweepSummary]:
     """A sweep of made-up trials in this process."""
-    return partial(sweep, scene, executor=inline, trial=made_up)
+    return partial(run_sweep, scene, executor=inline, trial=made_up)

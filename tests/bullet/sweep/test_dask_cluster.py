@@ -16,7 +16,7 @@ from msrr_bullet.cli.app import run
 from msrr_bullet.sweep.dask_cluster import ClusterError, dask_cluster
 from msrr_bullet.sweep.remote_trial import OtherCodeError
 from msrr_bullet.sweep.summary import TrialFailure
-from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.trials import run_trials
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_bullet.trial.result import TrialResult
@@ -94,7 +94,7 @@ def test_a_worker_with_other_code_ends_the_sweep(
 ) -> None:
     monkeypatch.setattr("msrr_bullet.sweep.remote_trial.code_fingerprint", lambda scene, imported: "older")
     with pytest.raises(OtherCodeError, match="has another version of msrr-bullet"):
-        sweep(scene, range(3), executor=inline, trial=made_up)
+        run_sweep(scene, range(3), executor=inline, trial=made_up)
 
 
 def test_without_dask_the_message_says_what_to_install(

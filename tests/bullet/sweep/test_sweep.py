@@ -17,7 +17,7 @@ import pytest
 
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_bullet.sweep.summary import SweepSummary, TrialFailure
-from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.trial_store import TrialStore
 from msrr_bullet.sweep.trials import one_trial, run_trials
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
@@ -37,9 +37,9 @@ def test_a_second_sweep_runs_only_what_is_missing(
         ran.append(seed)
         return made_up(scene, seed)
 
-    first = sweep(scene, range(5), store=store, executor=inline, trial=trial)
+    first = run_sweep(scene, range(5), store=store, executor=inline, trial=trial)
     calls: list[tuple[int, bool]] = []
-    second = sweep(
+    second = run_sweep(
         scene,
         range(8),
         store=store,
@@ -52,7 +52,7 @@ def test_a_second_sweep_runs_only_what_is_missing(
     assert second.reused == 5
     assert second.trials == 8
     assert sorted(calls) == [(seed, seed < 5) for seed in range(8)]
-    fresh = sweep(scene, range(8), executor=inline, trial=made_up)
+    fresh = run_sweep(scene, range(8), executor=inline, trial=made_up)
     assert second == fresh.model_copy(update={"reused": 5})  # whether stored or run makes no difference
 
 
@@ -87,7 +87,7 @@ def test_a_seed_that_is_no_whole_number_is_refused_before_any_trial(
     ran: list[object] = []
     seeds: Any = [0, 0.5]  # as from a notebook, where no type is checked
     with pytest.raises(TypeError, match="integer"):
-        sweep(scene, seeds, executor=inline, trial=made_up, observer=lambda r, _: ran.append(r))
+        run_sweep(scene, seeds, executor=inline, trial=made_up, observer=lambda r, _: ran.append(r))
     assert not ran
 
 
@@ -99,13 +99,13 @@ def test_another_scene_or_other_code_is_not_taken_from_the_store(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     store = tmp_path / "trials.sqlite"
-    sweep(scene, range(3), store=store, executor=inline, trial=made_up)
+    run_sweep(scene, range(3), store=store, executor=inline, trial=made_up)
     other = load_scene("close_range", {"cameras.onboard.noise_grey": "9"})
-    assert sweep(other, range(3), store=store, executor=inline, trial=made_up).reused == 0
-    assert sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 3
+    assert run_sweep(other, range(3), store=store, executor=inline, trial=made_up).reused == 0
+    assert run_sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 3
     for module in ("trials", "remote_trial"):
         monkeypatch.setattr(f"msrr_bullet.sweep.{module}.code_fingerprint", lambda scene, **_: "edited")
-    assert sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 0
+    assert run_sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 0
 
 
 def test_a_program_that_failed_is_run_again(
@@ -118,12 +118,12 @@ def test_a_program_that_failed_is_run_again(
         result = made_up(scene, seed)
         return result.model_copy(update={"outcome": Outcome.PROGRAM_FAILED}) if seed == 1 else result
 
-    failed = sweep(scene, range(3), store=store, executor=inline, trial=failing)
+    failed = run_sweep(scene, range(3), store=store, executor=inline, trial=failing)
     assert failed.outcomes["program_failed"] == 1
-    again = sweep(scene, range(3), store=store, executor=inline, trial=made_up)
+    again = run_sweep(scene, range(3), store=store, executor=inline, trial=made_up)
     assert again.reused == 2
     assert "program_failed" not in again.outcomes
-    assert sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 3
+    assert run_sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 3
 
 
 def test_many_scenes_share_one_pool_and_one_store(
@@ -158,10 +158,12 @@ def test_an_interrupted_sweep_keeps_what_it_has(
         if seen == 3:
             raise KeyboardInterrupt  # as Ctrl-C does, in the thread that waits
 
-    summary = sweep(scene, range(50), store=store, executor=inline, trial=made_up, observer=stop_after_three)
+    summary = run_sweep(
+        scene, range(50), store=store, executor=inline, trial=made_up, observer=stop_after_three
+    )
     assert summary.interrupted
     assert 3 <= summary.trials <= 5
-    resumed = sweep(scene, range(50), store=store, executor=inline, trial=made_up)
+    resumed = run_sweep(scene, range(50), store=store, executor=inline, trial=made_up)
     assert resumed.reused == summary.trials
     assert resumed.trials == 50
 
@@ -197,7 +199,7 @@ def test_a_failing_trial_is_named_and_tried_again_next_time(
             raise ZeroDivisionError("by nothing")
         return made_up(scene, seed)
 
-    summary = sweep(scene, range(4), store=store, executor=inline, trial=fails_once)
+    summary = run_sweep(scene, range(4), store=store, executor=inline, trial=fails_once)
     assert summary.failures == (
         TrialFailure(
             scene=scene.name, scene_hash=scene_hash(scene), seed=2, error="ZeroDivisionError: by nothing"
@@ -206,7 +208,7 @@ def test_a_failing_trial_is_named_and_tried_again_next_time(
     assert summary.trials == 4
     assert summary.success.rate == 0.75  # a failure of the program is not a success, nor is it left out
     (tmp_path / "mended").touch()
-    again = sweep(scene, range(4), store=store, executor=inline, trial=fails_once)
+    again = run_sweep(scene, range(4), store=store, executor=inline, trial=fails_once)
     assert (again.reused, again.failures) == (3, ())
 
 
@@ -215,7 +217,7 @@ def test_a_scene_that_no_seed_can_run_stops_the_sweep(scene: Scene, inline: Supp
         raise SceneError("no such controller")
 
     with pytest.raises(SceneError, match="no such controller"):
-        sweep(scene, range(4), executor=inline, trial=misuse)
+        run_sweep(scene, range(4), executor=inline, trial=misuse)
 
 
 @contextmanager
@@ -314,6 +316,6 @@ def stored_trials(store: Path) -> int:
 def test_jobs_are_a_number_above_zero(scene: Scene) -> None:
     half: Any = 2.5
     with pytest.raises(TypeError, match=r"jobs is an integer, or a function that returns one, found 2\.5"):
-        sweep(scene, range(1), jobs=half)
+        run_sweep(scene, range(1), jobs=half)
     with pytest.raises(ValueError, match="at least one job"):
-        sweep(scene, range(1), jobs=0)
+        run_sweep(scene, range(1), jobs=0)

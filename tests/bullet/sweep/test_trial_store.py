@@ -13,7 +13,7 @@ import pytest
 from msrr_bullet.cli.app import run
 from msrr_bullet.run import run_trial
 from msrr_bullet.sweep.summary import SweepSummary
-from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.trial_store import StoreError, TrialStore
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_scenes.outcome import Outcome
@@ -125,12 +125,12 @@ def test_stores_are_merged_and_a_contradiction_changes_nothing(
 ) -> None:
     whole, parts = tmp_path / "whole.sqlite", [tmp_path / "0.sqlite", tmp_path / "1.sqlite"]
     for part, seeds in zip(parts, (range(4), range(3, 6)), strict=True):
-        sweep(scene, seeds, store=part, executor=inline, trial=made_up)
+        run_sweep(scene, seeds, store=part, executor=inline, trial=made_up)
     assert run(["merge", *map(str, parts), "--into", str(whole)]) == 0
     told = capsys.readouterr().out
     assert "0.sqlite: 4 results added, 0 were there already" in told
     assert "1.sqlite: 2 results added, 1 were there already" in told
-    merged = sweep(scene, range(6), store=whole, executor=inline, trial=made_up)
+    merged = run_sweep(scene, range(6), store=whole, executor=inline, trial=made_up)
     assert (merged.reused, merged.trials) == (6, 6)
 
     def rows() -> list[tuple[Any, ...]]:
@@ -147,7 +147,7 @@ def test_stores_are_merged_and_a_contradiction_changes_nothing(
     assert "its result of seed 3 is another one" in told
     assert "run that seed with msrr sweep --fresh, and leave out the store" in told
     more = tmp_path / "2.sqlite"
-    sweep(scene, range(6, 8), store=more, executor=inline, trial=made_up)
+    run_sweep(scene, range(6, 8), store=more, executor=inline, trial=made_up)
     assert run(["merge", str(more), str(parts[0]), "--into", str(whole)]) == 2
     assert "added" not in capsys.readouterr().out
     assert run(["merge", str(tmp_path / "none.sqlite"), "--into", str(whole)]) == 2
@@ -169,15 +169,15 @@ def test_a_file_that_is_no_store(
     text = tmp_path / "notes.txt"
     text.write_text("these are notes, long enough to be no database header at all\n" * 20)
     with pytest.raises(StoreError, match=r"notes\.txt"):
-        sweep(scene, range(1), store=text, executor=inline, trial=made_up)
+        run_sweep(scene, range(1), store=text, executor=inline, trial=made_up)
     assert "these are notes" in text.read_text()
     alien = tmp_path / "alien.sqlite"
     with sqlite3.connect(alien) as db:
         db.execute("CREATE TABLE recipes (name TEXT)")
     with pytest.raises(StoreError, match="not a store of this version"):
-        sweep(scene, range(1), store=alien, executor=inline, trial=made_up)
+        run_sweep(scene, range(1), store=alien, executor=inline, trial=made_up)
     with pytest.raises(StoreError):
-        sweep(scene, range(1), store=tmp_path, executor=inline, trial=made_up)
+        run_sweep(scene, range(1), store=tmp_path, executor=inline, trial=made_up)
 
 
 def test_a_store_of_an_earlier_version_is_refused_and_left_as_it_is(
@@ -185,11 +185,11 @@ def test_a_store_of_an_earlier_version_is_refused_and_left_as_it_is(
 ) -> None:
     """Layout 1 held results without steps."""
     store = tmp_path / "trials.sqlite"
-    sweep(scene, range(1), store=store, executor=inline, trial=made_up)
+    run_sweep(scene, range(1), store=store, executor=inline, trial=made_up)
     with sqlite3.connect(store) as db:
         db.execute("PRAGMA user_version = 1")
     with pytest.raises(StoreError, match=r"layout 1.* delete the file, or name another one with --store"):
-        sweep(scene, range(1), store=store, executor=inline, trial=made_up)
+        run_sweep(scene, range(1), store=store, executor=inline, trial=made_up)
     with sqlite3.connect(store) as db:
         assert db.execute("PRAGMA user_version").fetchone() == (1,)
 
@@ -222,12 +222,12 @@ def test_seeds_are_those_of_the_command_line(
     store = str(tmp_path / "trials.sqlite")
     for seed in (-1, 2**63):
         with pytest.raises(ValueError, match=rf"a seed is a number from 0 to {2**63 - 1}, found {seed}"):
-            sweep(scene, [0, seed], store=store, executor=inline, trial=made_up)
+            run_sweep(scene, [0, seed], store=store, executor=inline, trial=made_up)
         with pytest.raises(ValueError, match=f"found {seed}"):
             run_trial(scene, seed)
     with pytest.raises(TypeError, match="a seed is an integer, found True"):
-        sweep(scene, [True], store=store, executor=inline, trial=made_up)
-    assert sweep(scene, [0, 2**63 - 1], store=store, executor=inline, trial=made_up).reused == 0
+        run_sweep(scene, [True], store=store, executor=inline, trial=made_up)
+    assert run_sweep(scene, [0, 2**63 - 1], store=store, executor=inline, trial=made_up).reused == 0
 
 
 def test_a_store_with_a_damaged_layout_is_one_error(tmp_path: Path) -> None:
@@ -272,7 +272,7 @@ def test_a_full_disk_is_one_error(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     store = tmp_path / "trials.sqlite"
-    sweep(scene, range(1), store=store, executor=inline, trial=made_up)
+    run_sweep(scene, range(1), store=store, executor=inline, trial=made_up)
     with sqlite3.connect(store) as db:
         pages = db.execute("PRAGMA page_count").fetchone()[0]
     real = sqlite3.connect
@@ -284,4 +284,4 @@ def test_a_full_disk_is_one_error(
 
     monkeypatch.setattr(sqlite3, "connect", small)
     with pytest.raises(StoreError, match="full"):
-        sweep(scene, range(60), store=store, executor=inline, trial=made_up)
+        run_sweep(scene, range(60), store=store, executor=inline, trial=made_up)

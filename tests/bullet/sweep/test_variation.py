@@ -7,8 +7,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from msrr_bullet.sweep import variation_plot
-from msrr_bullet.sweep.sweep import sweep
-from msrr_bullet.sweep.variation import MAX_LEVELS, Variation, levels, load_levels, vary
+from msrr_bullet.sweep.sweep import run_sweep
+from msrr_bullet.sweep.variation import MAX_LEVELS, Variation, levels, load_levels, run_variation
 from msrr_bullet.sweep.variation_plot import check_plot, plot_variation
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_scenes import load_scene
@@ -20,7 +20,7 @@ LATENCY, CONTROLLER = "cameras.onboard.latency_ms", "control.docking"
 @pytest.fixture(scope="module")
 def varied(inline: SupportsSubmit, made_up: TrialFunction) -> Variation:
     values = {LATENCY: [20, 60.0, "120"], CONTROLLER: ["c1", "linear"]}
-    return vary("close_range", values, range(8), executor=inline, trial=made_up)
+    return run_variation("close_range", values, range(8), executor=inline, trial=made_up)
 
 
 def test_levels_are_all_combinations_and_the_last_key_varies_fastest() -> None:
@@ -59,7 +59,7 @@ def test_the_summary_of_a_level_is_that_of_a_sweep_at_its_values(
     varied: Variation, inline: SupportsSubmit, made_up: TrialFunction
 ) -> None:
     for level in varied.levels:
-        alone = sweep(load_scene("close_range", level.values), range(8), executor=inline, trial=made_up)
+        alone = run_sweep(load_scene("close_range", level.values), range(8), executor=inline, trial=made_up)
         assert level.summary == alone
     assert Variation.model_validate_json(varied.to_json()) == varied
 
@@ -68,8 +68,10 @@ def test_every_level_counts_what_it_has_from_the_store(
     tmp_path: Path, inline: SupportsSubmit, made_up: TrialFunction
 ) -> None:
     store = tmp_path / "trials.sqlite"
-    sweep(load_scene("close_range", {LATENCY: 20}), range(3), store=store, executor=inline, trial=made_up)
-    found = vary("close_range", {LATENCY: [20, 90]}, range(5), store=store, executor=inline, trial=made_up)
+    run_sweep(load_scene("close_range", {LATENCY: 20}), range(3), store=store, executor=inline, trial=made_up)
+    found = run_variation(
+        "close_range", {LATENCY: [20, 90]}, range(5), store=store, executor=inline, trial=made_up
+    )
     assert [level.summary.reused for level in found.levels] == [3, 0]
 
 
@@ -84,7 +86,7 @@ def test_the_table_has_a_row_for_every_level_and_every_step(
         for ms in ("20", "60.0", "120")
         for law in ("c1", "linear")
     ]
-    two = vary("three_units", {LATENCY: [20, 60]}, range(2), executor=inline, trial=made_up)
+    two = run_variation("three_units", {LATENCY: [20, 60]}, range(2), executor=inline, trial=made_up)
     assert [(row[0][0], row[2][0]) for row in two.rows()] == [
         ("20", "a to b.rear"),
         ("", "c to a.rear"),
@@ -144,7 +146,9 @@ def test_the_axis_suits_the_values(
     drawn: list[Figure],
 ) -> None:
     key = "as_built" if isinstance(values[0], str) else LATENCY
-    plot_variation(vary("close_range", {key: values}, [0], executor=inline, trial=made_up), "plot.png")
+    plot_variation(
+        run_variation("close_range", {key: values}, [0], executor=inline, trial=made_up), "plot.png"
+    )
     axes = drawn[0].axes[1]
     assert axes.get_xscale() == scale
     labels = [label.get_text() for label in axes.get_xticklabels()]

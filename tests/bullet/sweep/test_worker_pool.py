@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.sweep.summary import TrialFailure
-from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.trials import one_trial
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction, TrialTask, WorkerPool
 from msrr_bullet.trial.result import TrialResult
@@ -43,7 +43,7 @@ def test_a_worker_that_dies_takes_no_other_trial_with_it(
     from deadly_trial import trial
 
     scene, there = load_scene("close_range", short_trial), dict[int, TrialResult | TrialFailure]()
-    summary = sweep(
+    summary = run_sweep(
         scene, range(4), jobs=2, trial=trial, observer=lambda found, _: there.update({found.seed: found})
     )
     assert [f.seed for f in summary.failures] == [1]
@@ -72,7 +72,7 @@ def test_a_trial_that_no_exception_stops_is_killed_with_its_process(
     from stubborn_trial import trial
 
     scene = load_scene("close_range", short_trial)
-    summary = sweep(scene, range(3), jobs=2, trial=trial, wall_limit_s=4.0)
+    summary = run_sweep(scene, range(3), jobs=2, trial=trial, wall_limit_s=4.0)
     (failure,) = summary.failures
     assert (failure.seed, failure.stopped) == (1, True)
     assert "not stopped by the limit of 4 s" in failure.error
@@ -84,7 +84,7 @@ def test_a_limit_that_is_none_is_refused_before_any_trial(
     scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, limit_s: float
 ) -> None:
     with pytest.raises(ValueError, match="expected a limit above 0 s"):
-        sweep(scene, range(3), executor=inline, trial=made_up, wall_limit_s=limit_s)
+        run_sweep(scene, range(3), executor=inline, trial=made_up, wall_limit_s=limit_s)
 
 
 @pytest.mark.parametrize("interrupts", [pytest.param(0, marks=pytest.mark.nightly), 1])
@@ -158,7 +158,7 @@ def test_a_worker_that_dies_while_a_result_is_stored_ends_no_sweep(
         time.sleep(0.2)
 
     scene = load_scene("close_range", short_trial)
-    summary = sweep(scene, range(6), jobs=2, trial=trial, observer=observe)
+    summary = run_sweep(scene, range(6), jobs=2, trial=trial, observer=observe)
     assert [f.seed for f in summary.failures] == [1]
     assert sum(summary.outcomes.values()) == 5
 
@@ -205,9 +205,9 @@ def test_ctrl_c_ends_a_pool_at_once_and_without_a_word(tmp_path: Path, busy: boo
 def test_a_program_whose_workers_cannot_start_is_told_so() -> None:
     """Workers import the program's main module, and this one is no file."""
     program = (
-        "from msrr_bullet.sweep.sweep import sweep\n"
+        "from msrr_bullet.sweep.sweep import run_sweep\n"
         "from msrr_scenes import load_scene\n"
-        "sweep(load_scene('close_range'), range(1000), jobs=2)\n"
+        "run_sweep(load_scene('close_range'), range(1000), jobs=2)\n"
     )
     ran = subprocess.run([sys.executable, "-"], input=program, capture_output=True, text=True, timeout=60)
     assert ran.returncode != 0

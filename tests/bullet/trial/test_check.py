@@ -9,7 +9,7 @@ import pytest
 
 from msrr_bullet.cli.app import run
 from msrr_bullet.run import run_trial
-from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.trial.check import check_trial
 from msrr_scenes.errors import MsrrError, ProgramFailedError, SceneError
 from msrr_scenes.geometry.unit_geometry import urdf_folder
@@ -227,7 +227,7 @@ def test_dock_sweep_and_check_refuse_alike(
     monkeypatch.chdir(tmp_path)  # for the store of sweeps
     scene = shipped("close_range", {"control.docking": "c3"}, blind=True)
     found = set()
-    for refusing in (check_trial, run_trial, lambda scene: sweep(scene, [1, 2])):
+    for refusing in (check_trial, run_trial, lambda scene: run_sweep(scene, [1, 2])):
         with pytest.raises(MsrrError) as caught:
             refusing(scene)
         found.add(str(caught.value))

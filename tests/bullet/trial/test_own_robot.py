@@ -14,7 +14,7 @@ import yaml
 
 from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.run import run_trial
-from msrr_bullet.sweep.sweep import sweep
+from msrr_bullet.sweep.sweep import run_sweep
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import ChangedFileError, MsrrError
 from msrr_scenes.geometry.unit_geometry import find_urdf
@@ -79,12 +79,12 @@ def test_a_sweep_of_a_robot_that_is_edited_keeps_what_was_run_before(tmp_path: P
             edited.replace(urdf)
 
     with ThreadPoolExecutor(1) as pool, pytest.raises(MsrrError):
-        sweep(scene, range(3), store=store, executor=pool, observer=edit)
+        run_sweep(scene, range(3), store=store, executor=pool, observer=edit)
     with ThreadPoolExecutor(1) as pool:
-        assert sweep(scene, range(3), store=store, executor=pool).reused == 0
+        assert run_sweep(scene, range(3), store=store, executor=pool).reused == 0
     urdf.write_text(urdf.read_text().replace("<!-- edited -->", ""))
     with ThreadPoolExecutor(1) as pool:
-        found = sweep(scene, range(3), store=store, executor=pool, observer=lambda r, _: again.append(r))
+        found = run_sweep(scene, range(3), store=store, executor=pool, observer=lambda r, _: again.append(r))
     assert found.reused == 2
     assert again[:2] == ended[:2]
 
