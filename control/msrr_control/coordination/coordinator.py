@@ -87,7 +87,7 @@ class Coordinator:
             unit = self._units[body.name]
             self._changed = self._changed or unit.X_WU is None
             unit.observe(body, now_ns)
-        self._dispatcher.obstacles = obstacles
+        self._dispatcher.ends.obstacles = obstacles
 
     def step(self, now_ns: int) -> list[Authority]:
         """Advance to ``now_ns`` and return the authorities to broadcast, none between two due times."""
@@ -138,7 +138,7 @@ class Coordinator:
         siting, units = self._siting, list(self._units.values())
         if siting.chosen:
             shape = self._mission.shape
-            taken_by = None if shape is None else self._dispatcher.wanted.get(shape.root.name)
+            taken_by = None if shape is None else self._dispatcher.assigner.wanted.get(shape.root.name)
             failed = taken_by is not None and self._units[taken_by].state is UnitState.FAILED
             if not failed or not siting.may_move(units):
                 return
@@ -147,7 +147,7 @@ class Coordinator:
         if unseen and seconds(now_ns - self._start_ns) < self._patience.seen_s:
             return
         try:
-            tasks, wanted = siting.choose(units, self._dispatcher.obstacles)
+            tasks, wanted = siting.choose(units, self._dispatcher.ends.obstacles)
         except SceneError as error:
             missing = [f"not seen: {', '.join(unseen)}"] if unseen else []
             out = [f"{unit.name}: {unit.reason}" for unit in units if unit.out_of_action]
@@ -155,7 +155,7 @@ class Coordinator:
                 self._tasks.give_up(name, str(error))
             self._end(MissionState.INCOMPLETE, "; ".join([str(error), *missing, *out]))
             return
-        self._tasks, self._dispatcher.wanted = TaskList(tasks), wanted
+        self._tasks, self._dispatcher.assigner.wanted = TaskList(tasks), wanted
         for unit in units:
             unit.evasions = 0  # others are in the way there
         self._changed, self._reason = True, ""

@@ -1,4 +1,4 @@
-"""The dispatcher: which unit takes which open task, on which route, and who makes way for whom."""
+"""The dispatcher: which open task is begun, on which route, and who makes way for whom."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from msrr_control.coordination.embedding import assign, place_costs
+from msrr_control.coordination.assigner import Assigner
 from msrr_control.coordination.interlock import Interlock, clear_of_tracks
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
@@ -18,9 +18,7 @@ from msrr_control.coordination.task_list import TaskList
 from msrr_control.coordination.waiting_places import WAITING_ROOM_M, waiting_places
 from msrr_control.shapes.tasks import Task, TaskKind
 from msrr_control.tracks.route_request import RouteRequest
-from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import UnitState
 
 #: Number of other units that are tried when the assigned one finds no route, and of waiting places.
@@ -43,10 +41,9 @@ class Dispatcher:
         """Bind the dispatcher to the ledger, whose records it changes."""
         self._setup, self._units, self._interlock = setup, units, interlock
         self._one_by_one = one_by_one
-        self.ends = TaskEnds(setup.lanes, units)
+        self.ends = TaskEnds(setup, units)
+        self.assigner = Assigner(setup, units, self.ends)
         self._order = 0
-        self.obstacles: tuple[ObstacleEstimate, ...] = ()
-        self.wanted: dict[str, str] = {}
         self.waits_for_tracks = False  # whether somebody got no route because another one passes by
 
     def dispatch(self, tasks: TaskList, now_ns: int) -> bool:
@@ -64,71 +61,20 @@ class Dispatcher:
         """Whether another unit may get under way."""
         return not (self._one_by_one and any(unit.under_way for unit in self._units.values()))
 
-    # Assignment.
-
-    def _idle(self) -> list[UnitRecord]:
-        """Return the units that may take any task: they stand free and have been seen."""
-        return [
-            unit
-            for unit in self._units.values()
-            if unit.state is UnitState.IDLE and unit.X_WU is not None and unit.holder is None
-        ]
-
-    def assignment(self, tasks: TaskList) -> dict[str, str]:
-        """Return the unit for each open task, as far as there are units.
-
-        The first tasks come first, but last of all those that nobody can begin now.
-        """
-        result = {task.name: task.unit for task in tasks.open if task.unit is not None}
-        reserved = set(result.values())
-        idle = [unit for unit in self._idle() if unit.name not in reserved]
-        free = [task for task in tasks.open if task.unit is None]
-        if 0 < len(idle) < len(free):
-            closed = self._closed(free, tasks)
-            free.sort(key=lambda task: task.name in closed)
-        free = free[: len(idle)]
-        names = {unit.name for unit in idle}
-        if all(self.wanted.get(task.name) in names for task in free):
-            return result | {task.name: self.wanted[task.name] for task in free}
-        costs = self._costs(idle, free, tasks)
-        pairs, _ = assign(costs)
-        return result | {free[p].name: idle[u].name for u, p in pairs}
-
-    def _closed(self, free: list[Task], tasks: TaskList) -> set[str]:
-        """Return the names of the tasks that nobody can begin now.
-
-        Their port is taken, something stays in the lane of it, or such a task comes before them.
-        """
-        closed: set[str] = set()
-        for task in free:  # parents come before their children
-            enters, X_WE = self.ends.port_of(task), self.ends.pose_of(task, tasks)
-            taken = enters is not None and self.ends.taken_by(enters) is not None
-            blocked = task.kind is TaskKind.DOCK and X_WE is not None and self._stays_closed(X_WE)
-            if taken or blocked or not closed.isdisjoint((*task.depends_on, *task.behind)):
-                closed.add(task.name)
-        return closed
-
-    def _costs(self, units: list[UnitRecord], free: list[Task], tasks: TaskList) -> Array:
-        poses = [self.ends.pose_of(task, tasks) or SE2() for task in free]
-        places = np.array([X.as_array() for X in poses]).reshape(-1, 3)
-        return place_costs(np.array([unit.pose.as_array() for unit in units]), places, self._setup.travel)
-
-    # Grants.
-
     def _grant_one(self, tasks: TaskList, now_ns: int) -> bool:
         """Grant one task: to the unit that the assignment names, else to another one that has a route."""
         ready = tasks.ready()
         if not ready:
             return False
-        assigned = self.assignment(tasks)
+        assigned = self.assigner.assignment(tasks)
         for task in ready:
             name = assigned.get(task.name)
             if name is not None and self._try(task, self._units[name], tasks, now_ns):
                 return True
         for task in ready:
             if task.unit is None and task.name in assigned:
-                others = [unit for unit in self._idle() if unit.name != assigned[task.name]]
-                costs = self._costs(others, [task], tasks)[:, 0] if others else np.zeros(0)
+                others = [unit for unit in self.assigner.idle() if unit.name != assigned[task.name]]
+                costs = self.assigner.costs(others, [task], tasks)[:, 0] if others else np.zeros(0)
                 for k in np.argsort(costs, kind="stable")[:_SWAPS].tolist():
                     if self._try(task, others[k], tasks, now_ns):
                         return True
@@ -159,7 +105,9 @@ class Dispatcher:
 
     def hindrance(self, task: Task, tasks: TaskList) -> str:
         """Return in words why nobody gets a route for an open task."""
-        name = self.assignment(tasks).get(task.name) or next((unit.name for unit in self._idle()), None)
+        name = self.assigner.assignment(tasks).get(task.name) or next(
+            (unit.name for unit in self.assigner.idle()), None
+        )
         if name is None:
             unseen = [u.name for u in self._units.values() if u.X_WU is None and not u.out_of_action]
             return "no unit is left" + (f"; never seen from above: {', '.join(unseen)}" if unseen else "")
@@ -174,7 +122,7 @@ class Dispatcher:
         """Return the obstacle that a unit under way would meet in the lane of its port, None without one."""
         if not unit.under_way or unit.track is None or unit.enters is None:
             return None
-        return self._setup.finder.ahead_in_lane(unit.track, unit.progress, self.obstacles)
+        return self._setup.finder.ahead_in_lane(unit.track, unit.progress, self.ends.obstacles)
 
     def _grant(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None, now_ns: int) -> bool:
         """Give a unit a route of its own; return whether there is one."""
@@ -207,7 +155,7 @@ class Dispatcher:
             unit.pose,
             X_WE,
             [other.standing(units, enters, self._setup.lanes.body) for other in others],
-            self.obstacles,
+            self.ends.obstacles,
             dock=enters is not None,
             leaves=None if unit.holder is None else unit.holder[0],
             enters=None if enters is None else enters[0],
@@ -221,14 +169,14 @@ class Dispatcher:
         One that stands in nobody's lane is sent away only where that helps.
         """
         for task in tasks.ready():
-            assigned = self.assignment(tasks).get(task.name)
+            assigned = self.assigner.assignment(tasks).get(task.name)
             if assigned is None:
                 continue  # there is nobody to make way for
             lanes = self.ends.lanes_of(task, tasks, assigned)
             if not lanes:
                 continue
-            idle = [unit for unit in self._idle() if unit.evasions < _EVASIONS]
-            if task.kind is not TaskKind.MOVE and any(self._stays_closed(X_WE) for X_WE in lanes):
+            idle = [unit for unit in self.assigner.idle() if unit.evasions < _EVASIONS]
+            if task.kind is not TaskKind.MOVE and any(self.ends.stays_closed(X_WE) for X_WE in lanes):
                 continue
             enters = self.ends.port_of(task)
             if enters is not None and self.ends.taken_by(enters) is not None:
@@ -258,12 +206,12 @@ class Dispatcher:
         """
         docks = [t for t in tasks.open if t.kind is TaskKind.DOCK and t.parent_unit == target.name]
         carries = any(target.name == port[0] for unit in self._units.values() for port in unit.docks)
-        idle = target in self._idle() and target.evasions < _EVASIONS
+        idle = target in self.assigner.idle() and target.evasions < _EVASIONS
         if not docks or carries or not idle:
             return False
         if all(t.unit is None or self._reaches(self._units[t.unit], t, tasks) for t in docks):
             return False
-        X_WR = place_of_target(target, tasks.open, self._units, self._setup, self.obstacles)
+        X_WR = place_of_target(target, tasks.open, self._units, self._setup, self.ends.obstacles)
         if X_WR is None or not self._grant(target, X_WR, None, now_ns):
             return False
         target.task, target.evasions = None, target.evasions + 1
@@ -290,21 +238,16 @@ class Dispatcher:
         kept = [s for s in request.standing if s.name in stay or s.name in (request.leaves, request.enters)]
         return self._setup.finder.find(replace(request, standing=kept)) is not None
 
-    def _stays_closed(self, X_WE: SE2) -> bool:
-        """Return whether an obstacle, or a unit out of action, stands in the lane of a docked pose."""
-        if self._setup.finder.in_lane(X_WE, self.obstacles) is not None:
-            return True
-        out = [u.pose for u in self._units.values() if u.out_of_action and u.X_WU is not None]
-        return any(self._setup.lanes.closed_by(X_WE, X_WB) for X_WB in out)
-
     def _evade(self, unit: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
         """Send a unit to a waiting place; return whether it goes."""
-        assigned = self.assignment(tasks)
+        assigned = self.assigner.assignment(tasks)
         open_poses = [
             X for task in tasks.open for X in self.ends.lanes_of(task, tasks, assigned.get(task.name))
         ]
         others = [u for u in self._units.values() if u.name != unit.name and u.X_WU is not None]
-        places = waiting_places(self._setup.lanes, self._setup.finder.box, open_poses, others, self.obstacles)
+        places = waiting_places(
+            self._setup.lanes, self._setup.finder.box, open_poses, others, self.ends.obstacles
+        )
         distance = np.hypot(places[:, 0] - unit.pose.x, places[:, 1] - unit.pose.y)
         nearest = [k for k in np.argsort(distance, kind="stable").tolist() if distance[k] > WAITING_ROOM_M]
         for k in nearest[:_WAITING_PLACES]:

@@ -7,19 +7,25 @@ from collections.abc import Mapping
 import numpy as np
 
 from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.task_list import TaskList
-from msrr_control.shapes.precedence import Lanes
 from msrr_control.shapes.tasks import Task, TaskKind, TaskState
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import UnitState
 
 
 class TaskEnds:
-    """Reads the ends of tasks from the ledger, which changes while units drive."""
+    """Reads the ends of tasks from the ledger, which changes while units drive.
 
-    def __init__(self, lanes: Lanes, units: Mapping[str, UnitRecord]) -> None:
+    Attributes:
+        obstacles: The obstacles that are seen.
+    """
+
+    def __init__(self, setup: CoordinationSetup, units: Mapping[str, UnitRecord]) -> None:
         """Bind to the lanes and to the ledger."""
-        self._lanes, self._units = lanes, units
+        self._lanes, self._finder, self._units = setup.lanes, setup.finder, units
+        self.obstacles: tuple[ObstacleEstimate, ...] = ()
 
     def pose_of(self, task: Task, tasks: TaskList) -> SE2 | None:
         """Return where the unit of a task ends; None where it only leaves a port or its parent is unknown."""
@@ -58,6 +64,13 @@ class TaskEnds:
         bodies = np.array([other.destination.as_array() for other in others]).reshape(-1, 3)
         closes = self._lanes.closes(X_WE, bodies)
         return [other.name for other, does in zip(others, closes, strict=True) if does]
+
+    def stays_closed(self, X_WE: SE2) -> bool:
+        """Return whether an obstacle, or a unit out of action, stands in the lane of a docked pose."""
+        if self._finder.in_lane(X_WE, self.obstacles) is not None:
+            return True
+        out = [u.pose for u in self._units.values() if u.out_of_action and u.X_WU is not None]
+        return any(self._lanes.closed_by(X_WE, X_WB) for X_WB in out)
 
     def lanes_of(self, task: Task, tasks: TaskList, assigned: str | None) -> list[SE2]:
         """Return the poses whose lanes a task needs: that of its end, and that of a port which is left."""
