@@ -204,9 +204,13 @@ def sweep(
             else:
                 numbers, table = summaries[0].to_json, sweep_table(summaries[0], overrides or ())
             # Before anything is shown, for the reader of the standard output may have gone away.
-            write_outputs([(json_file, numbers), (csv_file, lambda: trials_csv(ended.outcomes(), values))])
-            if plot is not None:
-                plot_variation(found, plot)
+            try:
+                write_outputs(
+                    [(json_file, numbers), (csv_file, lambda: trials_csv(ended.outcomes(), values))]
+                )
+            finally:
+                if plot is not None:
+                    plot_variation(found, plot)
     finally:
         if table is not None:
             console.print(table)

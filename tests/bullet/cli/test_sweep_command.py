@@ -49,6 +49,10 @@ def test_a_file_that_cannot_be_written_costs_no_other_one(
     assert "--set" not in err, "what was set for the scene is not the reason"
     assert "95 % confidence intervals" in out
     assert len(list(csv.reader((tmp_path / "trials.csv").open()))) == 2
+    plot = ["--vary", "as_built=careful", "--plot", "p.png"]
+    assert run([*arguments, "--json", "/dev/full", *plot]) == 2
+    assert "/dev/full: cannot be written" in capsys.readouterr().err
+    assert (tmp_path / "p.png").is_file()
 
 
 @pytest.mark.parametrize(
