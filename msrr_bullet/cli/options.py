@@ -137,7 +137,7 @@ def naming_overrides(overrides: Mapping[str, str]) -> Iterator[None]:
     try:
         yield
     except SceneError as error:
-        if not overrides or "--set" in str(error):
+        if not overrides or "--set" in str(error) or "--vary" in str(error):
             raise
         given = " ".join(f"--set {key}={value}" for key, value in overrides.items())
         raise SceneError(f"with {given}: {error}") from error

@@ -157,7 +157,7 @@ def sweep(
 
     choices = levels(parse_varied(varied))
     with naming_overrides(given):
-        scenes = load_levels(scene, choices, given, told_as="--set")
+        scenes = load_levels(scene, choices, given, told_as="--set", varied_as="--vary")
     kept = None if fresh else store or STORE
     used = [scenes[0].source, kept]
     check_writable(json_file, "--json", used)

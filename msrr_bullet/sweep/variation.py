@@ -155,7 +155,8 @@ def load_levels(
         scene: Name of a shipped scene, or path of a scene file.
         choices: Values by dotted key, as :func:`levels` returns them.
         overrides: Values by dotted key that are set in all.
-        told_as: What messages call a value that is set.
+        told_as: What messages call a value that is set in all.
+        varied_as: What they call a value of a choice.
 
     Raises:
         SceneError: A scene is unusable, a key is both varied and set, or two choices are the same scene.
@@ -166,7 +167,13 @@ def load_levels(
             raise SceneError(
                 f"{twice[0]} is varied, and {told_as} sets it to one value; leave one of both out"
             )
-        found = load_scene(scene, {**overrides, **choice}, told_as=told_as)
+        names = {**dict.fromkeys(overrides, told_as), **dict.fromkeys(choice, varied_as)}
+        try:
+            found = load_scene(scene, {**overrides, **choice}, told_as=names)
+        except SceneError as error:
+            if not choice or f"{varied_as} " in str(error):
+                raise
+            raise SceneError(f"with {values_text(choice)}: {error}") from error
         same, _ = loaded.setdefault(scene_hash(found), (choice, found))
         if same is not choice:
             raise SceneError(
@@ -181,6 +188,7 @@ def run_variation(
     seeds: Iterable[int],
     jobs: int | Callable[[], int] = 1,
     store: str | Path | None = None,
+    varied_as: str = "override",
     *,
     overrides: Mapping[str, object] = _NONE,
     executor: SupportsSubmit | None = None,

@@ -73,7 +73,10 @@ def find_scene(name_or_path: str) -> Path:
 
 
 def load_scene(
-    name_or_path: str | Path, overrides: Mapping[str, object] = _NONE, *, told_as: str = "override"
+    name_or_path: str | Path,
+    overrides: Mapping[str, object] = _NONE,
+    *,
+    told_as: str | Mapping[str, str] = "override",
 ) -> Scene:
     """Read and check a scene.
 
@@ -82,7 +85,8 @@ def load_scene(
         overrides: Dotted keys and their values, as YAML text or as values of Python:
             ``{"cameras.onboard.noise_grey": 8, "as_built": "careful"}``; list items by index
             (``plan.0.to``). They replace the file's values before these are checked.
-        told_as: What messages call an override: the command line names its option ``--set``.
+        told_as: What messages call an override: the command line names its option ``--set``. A mapping
+            has a name for each key.
 
     Raises:
         SceneError: The scene is unusable; one message lists every problem with file, line and column, key,

@@ -122,25 +122,28 @@ def _plain(value: object) -> object:
     return value
 
 
-def apply_overrides(document: YamlDocument, overrides: Mapping[str, str], told_as: str = "override") -> None:
+def apply_overrides(
+    document: YamlDocument, overrides: Mapping[str, str], told_as: str | Mapping[str, str] = "override"
+) -> None:
     """Write ``a.b.c=value`` pairs into a document; lists take an index, missing mappings are created.
 
     Args:
         document: The document, which is changed.
         overrides: Dotted keys and their values as YAML text.
-        told_as: What messages call an override.
+        told_as: What messages call an override, or each of them by its key.
 
     Raises:
         SceneError: A value is no YAML that a scene file could hold, or a path leads through a plain value or
             past the end of a list.
     """
     given: list[str] = []
+    names = dict.fromkeys(overrides, told_as) if isinstance(told_as, str) else told_as
     for key, text in overrides.items():
-        option = f"{told_as} {key}={text}"
+        option = f"{names[key]} {key}={text}"
         parts = key.split(".")
         lost = next((earlier for earlier in given if earlier.startswith(f"{key}.")), None)
         if lost is not None:
-            raise SceneError(f"{option}: it would take back {told_as} {lost}; give {key} before {lost}")
+            raise SceneError(f"{option}: it would take back {names[lost]} {lost}; give {key} before {lost}")
         given.append(key)
         if not all(parts):
             raise SceneError(f"{option}: expected a dotted key such as cameras.onboard.noise_grey")

@@ -234,7 +234,10 @@ def test_a_sweep_at_several_values(short_trial: list[str], tmp_path: Path, capsy
         (["--vary", "time_limit_s=[1"], "--vary time_limit_s=[1: not valid YAML"),
         (["--vary", "as_built=rough", "--vary", "as_built=careful"], "as_built is varied already"),
         (["--set", "as_built=rough", "--vary", "as_built=careful"], "--set sets it to one value"),
-        (["--vary", "as_built=careful,bad"], "as_built: expected 'perfect', 'careful'"),
+        (
+            ["--vary", "as_built=careful,bad"],
+            "msrr: --vary as_built=bad: as_built: expected 'perfect'",
+        ),
         (["--vary", "as_built=careful", "--plot", "p.gif"], "p.gif: no format for plots"),
         (["--vary", "as_built=careful", "--plot", "t.csv", "--csv", "t.csv"], "uses this file already"),
     ],

@@ -43,6 +43,13 @@ def test_values_that_make_no_levels_are_refused(values: dict[str, list[object]],
     assert says in str(refused.value)
 
 
+def test_a_scene_that_a_level_makes_unusable_is_refused_with_its_values() -> None:
+    with pytest.raises(SceneError, match=r"with radio=\{\}: .*cameras.overhead"):
+        load_levels("close_range", levels({"radio": [None, {}]}), varied_as="--vary")
+    with pytest.raises(SceneError, match=r"^--vary nosuch=1: "):
+        load_levels("close_range", levels({"nosuch": [1]}), {CONTROLLER: "c1"}, varied_as="--vary")
+
+
 def test_every_level_is_the_scene_with_its_values_and_those_that_all_share() -> None:
     scenes = load_levels("close_range", levels({LATENCY: [20, 60]}), {CONTROLLER: "linear"})
     assert scenes == [load_scene("close_range", {LATENCY: ms, CONTROLLER: "linear"}) for ms in (20, 60)]
