@@ -63,7 +63,8 @@ class _TrialBar:
 
         self._labels = {scene_hash(scene): label for scene, label in zip(scenes, labels, strict=True)}
         self._bar, self._name = bar, scenes[0].name
-        self._goal = (Outcome.COMPLETE if scenes[0].coordinated else Outcome.DOCKED).value
+        goals = (Outcome.COMPLETE if scene.coordinated else Outcome.DOCKED for scene in scenes)
+        self._goal = " or ".join(dict.fromkeys(goal.value for goal in goals))
         self._task = bar.add_task(self._name, total=trials)
         self._succeeded = 0
 

@@ -66,7 +66,7 @@ def sweep_table(summary: SweepSummary, overrides: Sequence[str] = ()) -> Table:
 def variation_table(variation: Variation, overrides: Sequence[str] = ()) -> Table:
     """Return the table of a variation; below it stand the values that were set at all levels."""
     failures = sum(len(level.summary.failures) for level in variation.levels)
-    notes = [_not_successes(failures, f"not {variation.levels[0].summary.goal.value}")] if failures else []
+    notes = [_not_successes(failures, f"not {variation.goal}")] if failures else []
     notes += [
         "below: 95 % confidence intervals, those of rates in percent",
         *(f"--set {value}" for value in overrides),

@@ -6,7 +6,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from msrr_bullet.statistics import Quantiles, interval_text
@@ -73,19 +76,34 @@ class Variation(BaseModel, frozen=True):
     @property
     def title(self) -> str:
         """What was varied, in words."""
-        first = self.levels[0]
-        kind = f"{first.summary.plant}, {first.summary.perception}"
-        over = " and ".join(first.values)
-        return f"{first.summary.scene} ({kind}) at {counted(len(self.levels), 'value')} of {over}"
+        summaries = [level.summary for level in self.levels]
+        scene = " and ".join(dict.fromkeys(s.scene for s in summaries))
+        plant = " and ".join(dict.fromkeys(s.plant for s in summaries))
+        perception = " and ".join(dict.fromkeys(s.perception for s in summaries))
+        over = " and ".join(self.levels[0].values)
+        return f"{scene} ({plant}, {perception}) at {counted(len(self.levels), 'value')} of {over}"
+
+    @property
+    def goal(self) -> str:
+        """The outcome of the trials that succeed; where that of missions and of others differ, both."""
+        return " or ".join(dict.fromkeys(level.summary.goal.value for level in self.levels))
+
+    @property
+    def steps(self) -> list[str]:
+        """The names of the docking steps that a level has, each once."""
+        return list(dict.fromkeys(name for level in self.levels for name, _ in level.steps))
+
+    @property
+    def _has_missions(self) -> bool:
+        return any(level.summary.mission is not None for level in self.levels)
 
     def head(self) -> list[str]:
         """Return the titles of the columns of the table."""
-        first = self.levels[0]
         return [
-            *(key.rpartition(".")[2] for key in first.values),
-            first.summary.goal.value,
-            *(["last lock [s]"] if first.summary.mission is not None else []),
-            *(["step"] if len(first.steps) > 1 else []),
+            *_titles(list(self.levels[0].values)),
+            self.goal,
+            *(["last lock [s]"] if self._has_missions else []),
+            *(["step"] if len(self.steps) > 1 else []),
             "lateral error [mm], median",
             "lateral error [mm], 95 %",
             "yaw error [deg], 95 %",
@@ -98,21 +116,23 @@ class Variation(BaseModel, frozen=True):
         an empty text.
         """
         rows = []
+        several = len(self.steps) > 1
         for level in self.levels:
             s, steps = level.summary, level.steps
             bounds = f"{100 * s.success.low:.1f} .. {100 * s.success.high:.1f}"
             cells = [
                 *((value, "") for value in level.values.values()),
                 (f"{s.outcomes.get(s.goal.value, 0)} of {s.trials}", bounds),
-                *([_median(s.mission.makespan_s)] if s.mission is not None else []),
             ]
+            if self._has_missions:
+                cells.append(("", "") if s.mission is None else _median(s.mission.makespan_s))
             for name, step in steps:
                 figures = (
                     _median(step.contact_lateral_mm),
                     _tail(step.contact_lateral_mm),
                     _tail(step.contact_yaw_deg),
                 )
-                rows.append([*cells, *([(name, "")] if len(steps) > 1 else []), *figures])
+                rows.append([*cells, *([(name, "")] if several else []), *figures])
                 cells = [("", "")] * len(cells)
         return rows
 
@@ -125,17 +145,30 @@ def _tail(values: Quantiles) -> tuple[str, str]:
     return "" if values.p95 is None else f"{values.p95:z.2f}", interval_text(values.p95_interval)
 
 
-def levels(values: Mapping[str, Sequence[object]]) -> list[dict[str, str]]:
+def _titles(keys: Sequence[str]) -> list[str]:
+    """Return the last parts of each key, as few as tell it from the others."""
+    parts = [key.split(".") for key in keys]
+    titles = []
+    for own in parts:
+        n = 1
+        while n < len(own) and sum(other[-n:] == own[-n:] for other in parts) > 1:
+            n += 1
+        titles.append(".".join(own[-n:]))
+    return titles
+
+
+def levels(values: Mapping[str, Sequence[object] | NDArray[Any]]) -> list[dict[str, str]]:
     """Return every choice of one value for each key, as YAML text; the values of the last key vary fastest.
 
     Raises:
         SceneError: There is no value for a key, a value is none that YAML has a text for, or there are too
             many choices.
     """
-    for key, given in values.items():
+    lists = {key: given.tolist() if isinstance(given, np.ndarray) else given for key, given in values.items()}
+    for key, given in lists.items():
         if isinstance(given, str) or not isinstance(given, Sequence) or not given:
             raise SceneError(f"{key}: expected a list of at least one value, found {given!r}")
-    texts = [[override_text(key, value) for value in given] for key, given in values.items()]
+    texts = [[override_text(key, value) for value in given] for key, given in lists.items()]
     choices = [dict(zip(values, choice, strict=True)) for choice in product(*texts)]
     if len(choices) > MAX_LEVELS:
         raise SceneError(f"{len(choices)} choices of values; at most {MAX_LEVELS} are possible")
@@ -148,6 +181,7 @@ def load_levels(
     overrides: Mapping[str, object] = _NONE,
     *,
     told_as: str = "override",
+    varied_as: str = "override",
 ) -> list[Scene]:
     """Return the scene with the values of every choice, beside values that are the same in all.
 
@@ -184,11 +218,10 @@ def load_levels(
 
 def run_variation(
     scene: str | Path,
-    values: Mapping[str, Sequence[object]],
+    values: Mapping[str, Sequence[object] | NDArray[Any]],
     seeds: Iterable[int],
     jobs: int | Callable[[], int] = 1,
     store: str | Path | None = None,
-    varied_as: str = "override",
     *,
     overrides: Mapping[str, object] = _NONE,
     executor: SupportsSubmit | None = None,
@@ -217,7 +250,13 @@ def run_variation(
     Raises:
         SceneError: As :func:`levels` and :func:`load_levels` raise it.
         MsrrError: See :func:`msrr_bullet.sweep.sweep.run_sweep`, also for other errors.
+        TypeError: ``scene`` is neither a name nor a path.
     """
+    if not isinstance(scene, (str, Path)):
+        kind = type(scene).__name__
+        raise TypeError(f"expected the name of a scene or the path of its file, found a {kind}")
+    if not isinstance(values, Mapping) or not values:
+        raise SceneError(f"expected the values of at least one dotted key as a dict, found {values!r}")
     choices = levels(values)
     summaries = run_sweeps(
         load_levels(scene, choices, overrides),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from matplotlib.axes import Axes
 
 from msrr_bullet.figures.style import check_format, legend_above, new_figure, save, styled
 from msrr_bullet.statistics import Quantiles
+from msrr_bullet.sweep.summary import SweepSummary
 from msrr_bullet.sweep.variation import Level, Variation, values_text
 from msrr_bullet.timeline.palette import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION, css
 from msrr_scenes.errors import SceneError
@@ -27,6 +29,12 @@ _STYLES = tuple(
 
 #: Distance of the curves from each other where they have a value in common, over the width of the axes.
 _APART = 0.008
+
+#: Number of characters of a label that the width of the figure has room for.
+_LABEL = 70
+
+#: Shortest line of a value at the axis, in characters; where there is less room, values stand upright.
+_SHORTEST_LINE = 12
 
 #: From this ratio of the largest to the smallest value on, the axis of the values is logarithmic.
 _LOGARITHMIC = 20.0
@@ -67,30 +75,33 @@ def plot_variation(variation: Variation, path: str | Path) -> Path:
         curves.setdefault(_others(level.values), []).append(level)
     key, values = _first_key(variation)
     numbers = _numbers(values)
-    steps = [name for name, _ in variation.levels[0].steps]
+    steps = variation.steps
     with styled():
-        figure = new_figure(9.0, 3.2 * (1 + len(steps)))
+        columns = 1 if max(map(len, curves)) > _LABEL // 2 else 2
+        lines = sum(-(-len(label) // _LABEL) for label in curves) / columns
+        figure = new_figure(9.0, 3.2 * (1 + len(steps)) + 0.28 * lines)
         rates, *errors = figure.subplots(1 + len(steps), sharex=True, squeeze=False)[:, 0]
         place = _scale(errors[-1], values, numbers)
         for i, (label, levels) in enumerate(curves.items()):
+            if numbers is not None:
+                levels.sort(key=lambda level: numbers[values.index(level.values[key])])
             aside = _APART * (i - 0.5 * (len(curves) - 1))
             x = [place(values.index(level.values[key]), aside) for level in levels]
             colour, marker = _STYLES[i]
             style = {"color": css(colour), "marker": marker, "linestyle": "-" if numbers else "none"}
-            success = [level.summary.success for level in levels]
-            bars = [s.rate - s.low for s in success], [s.high - s.rate for s in success]
-            rates.errorbar(x, [s.rate for s in success], bars, capsize=4.0, label=label or None, **style)
-            for n, axes in enumerate(errors):
-                _draw_errors(axes, x, [level.steps[n][1].contact_lateral_mm for level in levels], style)
-        rates.set(ylabel=f"share of trials\n{variation.levels[0].summary.goal.value}", ylim=(-0.03, 1.05))
+            _draw_rates(rates, x, [level.summary for level in levels], fill(label, _LABEL), style)
+            for axes, name in zip(errors, steps, strict=True):
+                figures = [dict(level.steps).get(name) for level in levels]
+                _draw_errors(axes, x, [None if f is None else f.contact_lateral_mm for f in figures], style)
+        rates.set(ylabel=f"share of trials\n{variation.goal}", ylim=(-0.03, 1.05))
         for axes, name in zip(errors, steps, strict=True):
             axes.set(ylabel="lateral error\nat contact [mm]", title=name if len(steps) > 1 else "")
-            axes.set_ylim(bottom=0.0)
+            axes.set_ylim(0.0, 1.05 * axes.get_ylim()[1])
             axes.plot([], [], "o", color="0.4", label="median")
             axes.plot([], [], "o", color="0.4", label="95 %", markerfacecolor="none")
             legend_above(axes)
         if len(curves) > 1:
-            figure.legend(*rates.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+            figure.legend(*rates.get_legend_handles_labels(), loc="outside upper center", ncols=columns)
         errors[-1].set_xlabel(key)
         return save(figure, Path(path))
 
@@ -105,24 +116,46 @@ def _scale(
     """
     low, high = (-0.5, len(values) - 0.5) if numbers is None else (min(numbers), max(numbers))
     if numbers is None:
-        axes.set(xticks=range(len(values)), xticklabels=values, xlim=(low, high))
+        room = _LABEL // len(values)
+        upright = room < _SHORTEST_LINE and max(map(len, values)) > room
+        axes.set(xticks=range(len(values)), xlim=(low, high))
+        axes.set_xticklabels(
+            [fill(value, _LABEL // 2 if upright else room) for value in values],
+            rotation=90.0 if upright else 0.0,
+        )
     if numbers is None or low <= 0.0 or high / low < _LOGARITHMIC:
         width = (high - low) or 1.0
         return lambda index, aside: (numbers[index] if numbers else index) + aside * width
-    axes.set(xscale="log", xticks=numbers, xticklabels=values)
+    shown: list[int] = []  # the ticks whose labels have room beside each other
+    for index in sorted(range(len(values)), key=numbers.__getitem__):
+        last = shown[-1] if shown else None
+        apart = math.inf if last is None else math.log(numbers[index] / numbers[last], high / low)
+        if last is None or _LABEL * apart > 1 + 0.5 * (len(values[index]) + len(values[last])):
+            shown.append(index)
+    axes.set(xscale="log", xticks=[numbers[i] for i in shown], xticklabels=[values[i] for i in shown])
     axes.minorticks_off()
     return lambda index, aside: numbers[index] * (high / low) ** aside
 
 
-def _draw_errors(
-    axes: Axes, x: Sequence[float], errors: Sequence[Quantiles], style: Mapping[str, Any]
+def _draw_rates(
+    axes: Axes, x: Sequence[float], summaries: Sequence[SweepSummary], label: str, style: Mapping[str, Any]
 ) -> None:
-    """Draw median and 95th percentile with their intervals, where there was contact at all."""
+    """Draw success rates with their intervals, where a trial has ended at all."""
+    success = [s.success if s.trials else None for s in summaries]
+    values = [math.nan if s is None else s.rate for s in success]
+    bars = [(0.0, 0.0) if s is None else (s.rate - s.low, s.high - s.rate) for s in success]
+    axes.errorbar(x, values, np.transpose(bars), capsize=4.0, label=label or None, **style)
+
+
+def _draw_errors(
+    axes: Axes, x: Sequence[float], errors: Sequence[Quantiles | None], style: Mapping[str, Any]
+) -> None:
+    """Draw median and 95th percentile with their intervals, where there is the step, and contact in it."""
     for q, face in (("p50", style["color"]), ("p95", "none")):
-        values = [math.nan if (v := getattr(e, q)) is None else v for e in errors]
+        values = [math.nan if (v := getattr(e, q, None)) is None else v for e in errors]
         bars = np.zeros((2, len(x)))
         for i, e in enumerate(errors):
-            low, high = getattr(e, f"{q}_interval")
+            low, high = getattr(e, f"{q}_interval", (None, None))
             if low is not None and high is not None:
                 bars[:, i] = values[i] - low, high - values[i]
         axes.errorbar(x, values, bars, markerfacecolor=face, elinewidth=1.4, **style)

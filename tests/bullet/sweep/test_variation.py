@@ -1,11 +1,14 @@
 """Sweeps of one scene at several values of its keys: the levels, their summaries, and the plot of them."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from msrr_bullet.figures.style import styled
+from msrr_bullet.statistics import wilson
 from msrr_bullet.sweep import variation_plot
 from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.variation import MAX_LEVELS, Variation, levels, load_levels, run_variation
@@ -33,6 +36,7 @@ def test_levels_are_all_combinations_and_the_last_key_varies_fastest() -> None:
     ("values", "says"),
     [
         ({"a": []}, "a: expected a list of at least one value, found []"),
+        ({"a": np.array(1)}, "a: expected a list of at least one value, found 1"),
         ({"a": "1"}, "a: expected a list of at least one value, found '1'"),
         ({"a": range(MAX_LEVELS), "b": [1, 2]}, f"{2 * MAX_LEVELS} choices of values; at most {MAX_LEVELS}"),
     ],
@@ -41,6 +45,18 @@ def test_values_that_make_no_levels_are_refused(values: dict[str, list[object]],
     with pytest.raises(SceneError) as refused:
         levels(values)
     assert says in str(refused.value)
+
+
+def test_values_may_be_an_array() -> None:
+    assert levels({"a": np.linspace(0.01, 0.03, 2)}) == [{"a": "0.01"}, {"a": "0.03"}]
+
+
+def test_what_names_no_scene_and_no_key_is_refused() -> None:
+    with pytest.raises(TypeError, match="name of a scene or the path of its file, found a Scene"):
+        run_variation(load_scene("close_range"), {LATENCY: [20]}, [0])  # type: ignore[arg-type]
+    for values in ({}, [LATENCY]):
+        with pytest.raises(SceneError, match="expected the values of at least one dotted key as a dict"):
+            run_variation("close_range", values, [0])  # type: ignore[arg-type]
 
 
 def test_a_scene_that_a_level_makes_unusable_is_refused_with_its_values() -> None:
@@ -103,6 +119,50 @@ def test_the_table_has_a_row_for_every_level_and_every_step(
     assert f"8 of 8 ({interval})" in varied._repr_html_()
 
 
+def test_columns_of_keys_with_the_same_last_name_have_different_titles(
+    inline: SupportsSubmit, made_up: TrialFunction
+) -> None:
+    keys = (LATENCY, "cameras.overhead.latency_ms", CONTROLLER)
+    values = dict(zip(keys, ([20], [30], ["c1"]), strict=True))
+    found = run_variation("three_units", values, [0], executor=inline, trial=made_up)
+    assert found.head()[:3] == ["onboard.latency_ms", "overhead.latency_ms", "docking"]
+
+
+@pytest.fixture(scope="module")
+def plans(inline: SupportsSubmit, made_up: TrialFunction) -> Variation:
+    """One docking step, two, and a mission."""
+    choices = [
+        {"plan": "[{unit: a, to: b.rear}]"},
+        {"plan": "[{unit: c, to: b.rear}, {unit: a, to: c.rear}]"},
+        {"plan": "[]", "shape": "{line: 3}"},
+    ]
+    summaries = [
+        run_sweep(load_scene("three_units", choice), [0, 1], executor=inline, trial=made_up)
+        for choice in choices
+    ]
+    return Variation.of([{"plan": choice["plan"]} for choice in choices], summaries)
+
+
+def test_levels_may_have_different_steps(plans: Variation, drawn: list[Figure]) -> None:
+    steps = ["a to b.rear", "c to b.rear", "a to c.rear", "all docking steps"]
+    assert plans.steps == steps
+    assert plans.head()[1:4] == ["docked or complete", "last lock [s]", "step"]
+    assert {len(row) for row in plans.rows()} == {len(plans.head())}
+    assert [row[3][0] for row in plans.rows()] == steps
+    plot_variation(plans, "plot.png")
+    rates, *errors = drawn[0].axes
+    assert rates.get_ylabel() == "share of trials\ndocked or complete"
+    assert [axes.get_title() for axes in errors] == steps
+    known = [np.isfinite(np.asarray(axes.containers[0].lines[0].get_ydata(), dtype=float)) for axes in errors]
+    assert [list(found) for found in known[:2]] == [[True, False, False], [False, True, False]]
+
+
+def test_the_title_names_what_differs_between_levels(inline: SupportsSubmit, made_up: TrialFunction) -> None:
+    values = {"plant": ["unicycle", "bullet"]}
+    found = run_variation("close_range", values, [0], executor=inline, trial=made_up)
+    assert found.title.startswith("close_range (unicycle and bullet, images) at 2 values")
+
+
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Figure]:
     """The figures that were drawn, in the place of files."""
@@ -160,6 +220,46 @@ def test_the_axis_suits_the_values(
     assert axes.get_xscale() == scale
     labels = [label.get_text() for label in axes.get_xticklabels()]
     assert ticks is None or labels == ticks
+
+
+def test_a_level_without_a_trial_has_no_rate_in_the_plot(varied: Variation, drawn: list[Figure]) -> None:
+    first, *others = (level for level in varied.levels if level.values[CONTROLLER] == "c1")
+    summary = first.summary.model_copy(update={"trials": 0, "success": wilson(0, 0)})
+    plot_variation(Variation(levels=(first.model_copy(update={"summary": summary}), *others)), "plot.png")
+    rates = np.asarray(drawn[0].axes[0].containers[0].lines[0].get_ydata(), dtype=float)
+    np.testing.assert_array_equal(rates, [np.nan, 1.0, 1.0])
+
+
+def test_a_curve_goes_through_its_values_in_their_order(varied: Variation, drawn: list[Figure]) -> None:
+    plot_variation(Variation(levels=varied.levels[::-1]), "plot.png")
+    for container in drawn[0].axes[0].containers:
+        assert np.all(np.diff(np.asarray(container.lines[0].get_xdata(), dtype=float)) > 0.0)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.geomspace(1, 200, 60).round(2),
+        [f"{{name: c1, params: {{gain: {i}, slow_down: true}}}}" for i in range(3)],
+        [f"a rather long name {i}" for i in range(12)],
+    ],
+)
+def test_no_label_covers_another_one_or_a_curve(
+    values: list[object], varied: Variation, drawn: list[Figure]
+) -> None:
+    level = varied.levels[0]
+    found = [level.model_copy(update={"values": {"a.key": str(value)}}) for value in values]
+    plot_variation(Variation(levels=tuple(found)), "plot.png")
+    figure, axes = drawn[0], drawn[0].axes[-1]
+    with styled():
+        figure.draw_without_rendering()
+    boxes = [label.get_window_extent() for label in axes.get_xticklabels() if label.get_text()]
+    assert len(boxes) > 2
+    assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
+    legend = axes.get_legend()
+    assert legend is not None
+    tail = axes.transData.transform((0.0, level.summary.steps[0].contact_lateral_mm.p95))[1]
+    assert tail < legend.get_window_extent().y0
 
 
 def test_a_plot_that_could_not_be_read_or_written_is_refused_before_the_trials() -> None:
