@@ -185,6 +185,8 @@ def load_levels(
 ) -> list[Scene]:
     """Return the scene with the values of every choice, beside values that are the same in all.
 
+    A value of a key within another one holds beside any value of the latter, whichever of them is varied.
+
     Args:
         scene: Name of a shipped scene, or path of a scene file.
         choices: Values by dotted key, as :func:`levels` returns them.
@@ -202,8 +204,9 @@ def load_levels(
                 f"{twice[0]} is varied, and {told_as} sets it to one value; leave one of both out"
             )
         names = {**dict.fromkeys(overrides, told_as), **dict.fromkeys(choice, varied_as)}
+        values = sorted({**overrides, **choice}.items(), key=lambda item: item[0].count("."))
         try:
-            found = load_scene(scene, {**overrides, **choice}, told_as=names)
+            found = load_scene(scene, dict(values), told_as=names)
         except SceneError as error:
             if not choice or f"{varied_as} " in str(error):
                 raise

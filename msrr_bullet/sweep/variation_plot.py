@@ -36,6 +36,9 @@ _LABEL = 70
 #: Shortest line of a value at the axis, in characters; where there is less room, values stand upright.
 _SHORTEST_LINE = 12
 
+#: Room for a value that stands upright [in].
+_UPRIGHT_IN = 0.27
+
 #: From this ratio of the largest to the smallest value on, the axis of the values is logarithmic.
 _LOGARITHMIC = 20.0
 
@@ -79,7 +82,11 @@ def plot_variation(variation: Variation, path: str | Path) -> Path:
     with styled():
         columns = 1 if max(map(len, curves)) > _LABEL // 2 else 2
         lines = sum(-(-len(label) // _LABEL) for label in curves) / columns
-        figure = new_figure(9.0, 3.2 * (1 + len(steps)) + 0.28 * lines)
+        width, below = 9.0, 0.0
+        if numbers is None:
+            width = max(width, _UPRIGHT_IN * len(values))
+            below = 0.1 * min(_LABEL // 2, max(map(len, values))) if _upright(values) else 0.0
+        figure = new_figure(width, 3.2 * (1 + len(steps)) + 0.28 * lines + below)
         rates, *errors = figure.subplots(1 + len(steps), sharex=True, squeeze=False)[:, 0]
         place = _scale(errors[-1], values, numbers)
         for i, (label, levels) in enumerate(curves.items()):
@@ -116,11 +123,10 @@ def _scale(
     """
     low, high = (-0.5, len(values) - 0.5) if numbers is None else (min(numbers), max(numbers))
     if numbers is None:
-        room = _LABEL // len(values)
-        upright = room < _SHORTEST_LINE and max(map(len, values)) > room
+        upright = _upright(values)
         axes.set(xticks=range(len(values)), xlim=(low, high))
         axes.set_xticklabels(
-            [fill(value, _LABEL // 2 if upright else room) for value in values],
+            [fill(value, _LABEL // (2 if upright else len(values))) for value in values],
             rotation=90.0 if upright else 0.0,
         )
     if numbers is None or low <= 0.0 or high / low < _LOGARITHMIC:
@@ -135,6 +141,12 @@ def _scale(
     axes.set(xscale="log", xticks=[numbers[i] for i in shown], xticklabels=[values[i] for i in shown])
     axes.minorticks_off()
     return lambda index, aside: numbers[index] * (high / low) ** aside
+
+
+def _upright(values: Sequence[str]) -> bool:
+    """Return whether values that are no numbers stand upright at the axis."""
+    room = _LABEL // len(values)
+    return room < _SHORTEST_LINE and max(map(len, values)) > room
 
 
 def _draw_rates(

@@ -98,7 +98,11 @@ def override_text(key: str, value: object) -> str:
         return value
     try:
         text = yaml.safe_dump(
-            _plain(value), default_flow_style=True, width=MAX_CHARACTERS, allow_unicode=True
+            _plain(value),
+            default_flow_style=True,
+            width=MAX_CHARACTERS,
+            allow_unicode=True,
+            sort_keys=False,
         )
     except yaml.YAMLError:
         raise SceneError(

@@ -30,6 +30,7 @@ def test_levels_are_all_combinations_and_the_last_key_varies_fastest() -> None:
     found = levels({"a": [0, "1e-3"], "b": [[1, 2], True, {"name": "c1"}]})
     assert found == [{"a": a, "b": b} for a in ("0", "1e-3") for b in ("[1, 2]", "true", "{name: c1}")]
     assert levels({}) == [{}]
+    assert levels({"a": [{"unit": "a", "to": "b"}]}) == [{"a": "{unit: a, to: b}"}]
 
 
 @pytest.mark.parametrize(
@@ -69,6 +70,13 @@ def test_a_scene_that_a_level_makes_unusable_is_refused_with_its_values() -> Non
 def test_every_level_is_the_scene_with_its_values_and_those_that_all_share() -> None:
     scenes = load_levels("close_range", levels({LATENCY: [20, 60]}), {CONTROLLER: "linear"})
     assert scenes == [load_scene("close_range", {LATENCY: ms, CONTROLLER: "linear"}) for ms in (20, 60)]
+
+
+def test_a_value_within_another_one_holds_at_every_level() -> None:
+    noise, yaw = ("parametric.sigma_xy_m", "parametric.sigma_yaw_deg")
+    same = {"perception": "parametric", noise: 0.01}
+    scenes = load_levels("close_range", levels({"parametric": [{}, {"sigma_yaw_deg": 2}]}), same)
+    assert scenes == [load_scene("close_range", {**same, **yaws}) for yaws in ({}, {yaw: 2})]
 
 
 def test_levels_that_are_the_same_scene_and_keys_with_two_values_are_refused() -> None:
@@ -242,6 +250,7 @@ def test_a_curve_goes_through_its_values_in_their_order(varied: Variation, drawn
         np.geomspace(1, 200, 60).round(2),
         [f"{{name: c1, params: {{gain: {i}, slow_down: true}}}}" for i in range(3)],
         [f"a rather long name {i}" for i in range(12)],
+        [f"name {i}" for i in range(100)],
     ],
 )
 def test_no_label_covers_another_one_or_a_curve(
