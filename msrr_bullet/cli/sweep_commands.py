@@ -176,10 +176,11 @@ def sweep(
     console = open_console(stderr=STANDARD_OUTPUT in (json_file, csv_file))
     ended = EndedTrials(scenes, wanted)
     values = {scene_hash(s): {**given, **choice} for s, choice in zip(scenes, choices, strict=True)}
+    labels = [values_text(choice) for choice in choices]
     table: Table | None = None
     try:
         with progress_bar(console) as bar:
-            shown = _TrialBar(bar, scenes, [values_text(c) for c in choices], len(scenes) * len(wanted))
+            shown = _TrialBar(bar, scenes, labels, len(scenes) * len(wanted))
 
             def observe(outcome: TrialResult | TrialFailure, stored: bool) -> None:
                 ended.add(outcome, stored)
@@ -217,7 +218,7 @@ def sweep(
             console.print(table)
     if stopped is not None:
         raise stopped
-    _exit(summaries)
+    _exit(summaries, labels)
 
 
 def _run_trials(
@@ -254,15 +255,21 @@ def _run_trials(
         return True, error
 
 
-def _exit(summaries: Sequence[SweepSummary]) -> None:
-    """End the command with the exit code of a sweep that was not stopped at once; return if all went well."""
+def _exit(summaries: Sequence[SweepSummary], labels: Sequence[str]) -> None:
+    """End the command with the exit code of a sweep that was not stopped at once; return if all went well.
+
+    Args:
+        summaries: The summary of every scene.
+        labels: What tells each scene from the others, in words; empty for the only one.
+    """
     if any(summary.interrupted for summary in summaries):
         raise KeyboardInterrupt
-    failures = [failure for summary in summaries for failure in summary.failures]
-    for failure in failures:
-        report_error(f"seed {failure.seed} gave no result: {failure.error}", PROGRAM_ERROR)
+    failures = [(label, f) for label, s in zip(labels, summaries, strict=True) for f in s.failures]
+    for label, failure in failures:
+        seed = f"{label}, seed {failure.seed}" if label else f"seed {failure.seed}"
+        report_error(f"{seed} gave no result: {failure.error}", PROGRAM_ERROR)
     if failures:
-        raise typer.Exit(BAD_INPUT if all(f.stopped for f in failures) else PROGRAM_ERROR)
+        raise typer.Exit(BAD_INPUT if all(f.stopped for _, f in failures) else PROGRAM_ERROR)
     trials = sum(summary.trials for summary in summaries)
     if failed := sum(summary.outcomes.get(Outcome.PROGRAM_FAILED.value, 0) for summary in summaries):
         text = f"the program of the unit failed in {failed} of {counted(trials, 'trial')}"

@@ -170,6 +170,8 @@ def test_a_sweep_shows_brackets_in_reasons(
     assert f"seed 0: timeout, {reason}" in out
     assert f"seed 1: ValueError: {reason}" in out
     assert "close.fast, 2 trials" in out
+    assert run([*arguments, "--vary", "as_built=careful,rough"]) == 70
+    assert f"as_built=rough, seed 1 gave no result: ValueError: {reason}" in capsys.readouterr().err
 
 
 @pytest.mark.nightly
