@@ -123,7 +123,7 @@ def parse_varied(pairs: Sequence[str] | None) -> dict[str, list[object]]:
         key, equals, values = pair.partition("=")
         if not equals or not key or not values:
             raise SceneError(
-                f"--vary {pair}: expected KEY=VALUE,VALUE, such as cameras.onboard.latency_ms=0,60"
+                f"--vary {pair}: expected KEY=VALUE,VALUE, such as cameras.onboard.latency_ms=20,80"
             )
         if key in varied:
             raise SceneError(f"--vary {pair}: {key} is varied already; name all of its values at once")

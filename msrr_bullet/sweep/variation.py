@@ -81,7 +81,9 @@ class Variation(BaseModel, frozen=True):
         plant = " and ".join(dict.fromkeys(s.plant for s in summaries))
         perception = " and ".join(dict.fromkeys(s.perception for s in summaries))
         over = " and ".join(self.levels[0].values)
-        return f"{scene} ({plant}, {perception}) at {counted(len(self.levels), 'value')} of {over}"
+        what = "value" if len(self.levels[0].values) == 1 else "combination"
+        cut = ", stopped before all trials were run" if any(s.interrupted for s in summaries) else ""
+        return f"{scene} ({plant}, {perception}) at {counted(len(self.levels), what)} of {over}{cut}"
 
     @property
     def goal(self) -> str:

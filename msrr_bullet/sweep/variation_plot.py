@@ -163,14 +163,14 @@ def _draw_errors(
     axes: Axes, x: Sequence[float], errors: Sequence[Quantiles | None], style: Mapping[str, Any]
 ) -> None:
     """Draw median and 95th percentile with their intervals, where there is the step, and contact in it."""
-    for q, face in (("p50", style["color"]), ("p95", "none")):
+    for q, face, thick in (("p50", style["color"], 2.4), ("p95", "none", 1.0)):
         values = [math.nan if (v := getattr(e, q, None)) is None else v for e in errors]
         bars = np.zeros((2, len(x)))
         for i, e in enumerate(errors):
             low, high = getattr(e, f"{q}_interval", (None, None))
             if low is not None and high is not None:
                 bars[:, i] = values[i] - low, high - values[i]
-        axes.errorbar(x, values, bars, markerfacecolor=face, elinewidth=1.4, **style)
+        axes.errorbar(x, values, bars, markerfacecolor=face, elinewidth=thick, **style)
 
 
 def _first_key(variation: Variation) -> tuple[str, list[str]]:

@@ -214,7 +214,7 @@ def test_a_sweep_at_several_values(short_trial: list[str], tmp_path: Path, capsy
     arguments += ["--vary", "time_limit_s=1,2", "--vary", "control.docking=c1,{name: c2}"]
     assert run([*arguments, "--json", "n.json", "--csv", "t.csv", "--plot", "p.png"]) == 0
     out = capsys.readouterr().out
-    assert "at 4 values of time_limit_s and control.docking" in out
+    assert "at 4 combinations of time_limit_s and control.docking" in out
     assert "time_limit_s=2 control.docking={name: c2}, seed 1: timeout" in out
     chosen = [{"time_limit_s": s, "control.docking": law} for s in ("1", "2") for law in ("c1", "{name: c2}")]
     numbers = json.loads((tmp_path / "n.json").read_text())["levels"]
@@ -270,6 +270,7 @@ def test_a_sweep_at_several_values_that_is_stopped_keeps_what_it_has(
     out, err = capsys.readouterr()
     assert "the disk is full" in err
     assert "0 of 3" in out
+    assert "stopped before all trials were run" in " ".join(out.split())
     found = Variation.model_validate_json((tmp_path / "n.json").read_text())
     assert [(level.summary.trials, level.summary.interrupted) for level in found.levels] == [
         (3, True),

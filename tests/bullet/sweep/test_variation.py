@@ -109,7 +109,7 @@ def test_every_level_counts_what_it_has_from_the_store(
 def test_the_table_has_a_row_for_every_level_and_every_step(
     varied: Variation, inline: SupportsSubmit, made_up: TrialFunction
 ) -> None:
-    assert varied.title == f"close_range (bullet, images) at 6 values of {LATENCY} and {CONTROLLER}"
+    assert varied.title == f"close_range (bullet, images) at 6 combinations of {LATENCY} and {CONTROLLER}"
     assert varied.head()[:4] == ["latency_ms", "docking", "docked", "lateral error [mm], median"]
     interval = "67.6 .. 100.0"
     assert [row[:3] for row in varied.rows()] == [

@@ -1,0 +1,51 @@
+"""The progress of many trials on the console."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+
+from rich.progress import Progress
+
+from msrr_bullet.sweep.summary import TrialFailure
+from msrr_bullet.trial.result import TrialResult
+from msrr_scenes.loading.load import scene_hash
+from msrr_scenes.outcome import Outcome
+from msrr_scenes.specs.scene import Scene
+
+
+class TrialBar:
+    """A bar that counts the trials that have ended; what did not succeed is named above it.
+
+    Args:
+        bar: The bar.
+        scenes: The scenes.
+        labels: What tells each scene from the others, in words; empty for the only one.
+        trials: Number of trials of all of them.
+    """
+
+    def __init__(self, bar: Progress, scenes: Sequence[Scene], labels: Sequence[str], trials: int) -> None:
+        self._labels = {scene_hash(scene): label for scene, label in zip(scenes, labels, strict=True)}
+        self._bar, self._name = bar, scenes[0].name
+        goals = (Outcome.COMPLETE if scene.coordinated else Outcome.DOCKED for scene in scenes)
+        self._goal = " or ".join(dict.fromkeys(goal.value for goal in goals))
+        self._task = bar.add_task(self._name, total=trials)
+        self._succeeded = 0
+
+    def show(self, outcome: TrialResult | TrialFailure, stored: bool) -> None:
+        """Show a trial that has ended; an observer of sweeps."""
+        label = self._labels.get(outcome.scene_hash)  # none if a file of the scene was written since
+        trial = f"{label}, seed {outcome.seed}" if label else f"seed {outcome.seed}"
+        if isinstance(outcome, TrialFailure):
+            self._print(f"{trial}: {outcome.error}", style="red")
+        elif outcome.docked:
+            self._succeeded += 1
+        else:
+            self._print(f"{trial}: {outcome.outcome.value}, {outcome.reason}")
+        description = f"{self._name}, {self._succeeded} {self._goal}"
+        self._bar.update(self._task, advance=1, description=description)
+
+    def _print(self, text: str, style: str | None = None) -> None:
+        # Trials go on where nobody reads of them any more; the table at the end tells of the error.
+        with suppress(OSError):
+            self._bar.console.print(text, style=style, highlight=False, soft_wrap=True)
