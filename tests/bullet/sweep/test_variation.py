@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,11 +54,14 @@ def test_values_may_be_an_array() -> None:
 
 
 def test_what_names_no_scene_and_no_key_is_refused() -> None:
+    """As a notebook may give it, whose author no type checker has warned."""
+    loaded: Any = load_scene("close_range")
     with pytest.raises(TypeError, match="name of a scene or the path of its file, found a Scene"):
-        run_variation(load_scene("close_range"), {LATENCY: [20]}, [0])  # type: ignore[arg-type]
-    for values in ({}, [LATENCY]):
+        run_variation(loaded, {LATENCY: [20]}, [0])
+    no_mapping: Any = [LATENCY]
+    for values in ({}, no_mapping):
         with pytest.raises(SceneError, match="expected the values of at least one dotted key as a dict"):
-            run_variation("close_range", values, [0])  # type: ignore[arg-type]
+            run_variation("close_range", values, [0])
 
 
 def test_a_scene_that_a_level_makes_unusable_is_refused_with_its_values() -> None:
