@@ -7,9 +7,9 @@ from dataclasses import astuple
 
 import numpy as np
 
-from msrr_bullet.render.raster.kernels.floor import ROLLED_STRIDE
+from msrr_bullet.render.raster.kernels.grid import GROUP
 from msrr_bullet.render.raster.kernels.lens_nodes import cut_nodes, node_steps, undistort_nodes
-from msrr_bullet.render.raster.kernels.records import LensParameters, LensView
+from msrr_bullet.render.raster.kernels.records import LensParameters, PixelGrid
 from msrr_bullet.render.raster.memory import untouched
 from msrr_scenes.geometry.distortion import Distortion, has_inverse, no_inverse
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
@@ -21,7 +21,7 @@ _MARGIN = 8
 _TILE = 64
 
 
-class _Grid:
+class _Nodes:
     """The corners of the pixels of a window, and where an ideal lens would show them.
 
     Attributes:
@@ -46,8 +46,8 @@ class _Grid:
         self.rows = np.arange(window.y, window.y_end + 1, dtype=np.float64) - 0.5
         shape = len(self.rows), len(self.columns)
         self.u, self.v = untouched(shape, np.float64), untouched(shape, np.float64)
-        self.first_group = window.x // ROLLED_STRIDE
-        middle = ROLLED_STRIDE * (np.arange(self.first_group, window.x_end // ROLLED_STRIDE + 1) + 0.5) - 0.5
+        self.first_group = window.x // GROUP
+        middle = GROUP * (np.arange(self.first_group, window.x_end // GROUP + 1) + 0.5) - 0.5
         # The lens need not have an inverse beyond the margin, and no middle may depend on what is covered.
         self._middles = np.clip(middle, -_MARGIN, frame_width - 1 + _MARGIN)
         groups = window.height, len(middle)
@@ -61,7 +61,7 @@ class _Grid:
             Whether the lens has an inverse there.
         """
         x = self.window.x
-        first, last = ((x + k) // ROLLED_STRIDE - self.first_group for k in (i0, i1 - 1))
+        first, last = ((x + k) // GROUP - self.first_group for k in (i0, i1 - 1))
         end, between = min(j1, len(self.rows) - 1), self.rows[:-1] + 0.5
         if not (
             undistort_nodes(lens, self.columns, self.rows, j0, j1, i0, i1, self.u, self.v)
@@ -95,15 +95,15 @@ class LensMap:
         self._lens = LensParameters(camera.focal, camera.cx, camera.cy, *astuple(distortion))
         if not has_inverse(camera, distortion):
             raise no_inverse(distortion, camera.frame)
-        self._latest: tuple[Window, LensView, Window] | None = None
+        self._latest: tuple[Window, PixelGrid, Window] | None = None
         self._memory = np.empty((2, 0))
         self._searched: set[Window] = set()
         self._cover(camera.frame.padded(_MARGIN))
 
-    def view(self, window: Window) -> LensView:
+    def grid(self, window: Window) -> PixelGrid:
         """Return the places of the corners of the pixels of ``window``.
 
-        It is written over by the view of another window, for fresh memory costs more than to fill it.
+        It is written over by the grid of another window, for fresh memory costs more than to fill it.
 
         Raises:
             GeometryError: The window reaches beyond the frame to where the lens has no inverse.
@@ -118,17 +118,18 @@ class LensMap:
         """
         return self._look(window)[1]
 
-    def _look(self, window: Window) -> tuple[LensView, Window]:
-        """Return view and bounds of a window; the latest are kept, for the next instant of the exposure."""
+    def _look(self, window: Window) -> tuple[PixelGrid, Window]:
+        """Return grid and bounds of a window; the latest are kept, for the next instant of the exposure."""
         if self._latest is None or self._latest[0] != window:
-            view = self._searched_view(window) or self._view(window)
-            left, right = math.floor(view.u[:, 0].min()), math.ceil(view.u[:, -1].max())
-            top, bottom = math.floor(view.v_low[0]), math.ceil(view.v_high[-1])
-            self._latest = window, view, Window(left, top, right - left, bottom - top)
+            grid = self._searched_grid(window) or self._known_grid(window)
+            u, v_low, v_high = map(np.asarray, (grid.u, grid.v_low, grid.v_high))
+            left, right = math.floor(u[:, 0].min()), math.ceil(u[:, -1].max())
+            top, bottom = math.floor(v_low[0]), math.ceil(v_high[-1])
+            self._latest = window, grid, Window(left, top, right - left, bottom - top)
         return self._latest[1:]
 
-    def _searched_view(self, window: Window) -> LensView | None:
-        """Return the view of a wide window that is asked for the first time, and keep no place in it.
+    def _searched_grid(self, window: Window) -> PixelGrid | None:
+        """Return the grid of a wide window that is asked for the first time, and keep no place in it.
 
         A frame is often searched once, as a whole, and then read in small windows. To keep all its places
         would take 20 MB for 1280 x 960 pixels.
@@ -136,54 +137,58 @@ class LensMap:
         if 2 * window.width <= self.camera.width or window in self._searched:
             return None
         self._searched.add(window)
-        grid = _Grid(window, self.camera.width)
-        if not grid.compute(self._lens, 0, len(grid.rows), 0, len(grid.columns)):
+        nodes = _Nodes(window, self.camera.width)
+        if not nodes.compute(self._lens, 0, len(nodes.rows), 0, len(nodes.columns)):
             raise no_inverse(self.distortion, window)
-        return LensView(
-            u=grid.u,
-            v=grid.v,
-            v_low=grid.v.min(axis=1),
-            v_high=grid.v.max(axis=1),
-            shift=grid.shift,
-            pitch=grid.pitch,
-            slant=grid.slant,
+        return PixelGrid(
+            width=window.width,
+            height=window.height,
+            u=nodes.u,
+            v=nodes.v,
+            v_low=nodes.v.min(axis=1),
+            v_high=nodes.v.max(axis=1),
+            shift=nodes.shift,
+            pitch=nodes.pitch,
+            slant=nodes.slant,
             column=window.x,
-            group_u=grid.group_u,
-            group_v=grid.group_v,
+            group_u=nodes.group_u,
+            group_v=nodes.group_v,
         )
 
-    def _view(self, window: Window) -> LensView:
-        """Return the view of a window from the map, which is computed where it is not known."""
+    def _known_grid(self, window: Window) -> PixelGrid:
+        """Return the grid of a window from the map, which is computed where it is not known."""
         x, y = self._compute_nodes(window)
         rows, columns = window.height + 1, window.width + 1
         if rows * columns > self._memory.shape[1]:
             self._memory = np.empty((2, rows * columns))
         u, v = self._memory[:, : rows * columns].reshape(2, rows, columns)
         v_low, v_high = np.empty((2, rows))
-        grid = self._grid
-        cut_nodes(grid.u, grid.v, y, x, u, v, v_low, v_high)
-        first, last = (k // ROLLED_STRIDE - grid.first_group for k in (window.x, window.x_end))
+        nodes = self._nodes
+        cut_nodes(nodes.u, nodes.v, y, x, u, v, v_low, v_high)
+        first, last = (k // GROUP - nodes.first_group for k in (window.x, window.x_end))
         part = slice(y, y + window.height), slice(first, last + 1)
-        return LensView(
+        return PixelGrid(
+            width=window.width,
+            height=window.height,
             u=u,
             v=v,
             v_low=v_low,
             v_high=v_high,
-            shift=grid.shift,
-            pitch=grid.pitch,
-            slant=grid.slant,
+            shift=nodes.shift,
+            pitch=nodes.pitch,
+            slant=nodes.slant,
             column=window.x,
-            group_u=np.ascontiguousarray(grid.group_u[part]),
-            group_v=np.ascontiguousarray(grid.group_v[part]),
+            group_u=np.ascontiguousarray(nodes.group_u[part]),
+            group_v=np.ascontiguousarray(nodes.group_v[part]),
         )
 
     def _compute_nodes(self, window: Window) -> tuple[int, int]:
         """Compute the nodes of a window where they are not known; return column and row of the first one."""
-        margin = self._grid.window.width - self.camera.width
-        while not self._grid.window.contains(window):
+        margin = self._nodes.window.width - self.camera.width
+        while not self._nodes.window.contains(window):
             margin *= 2
             self._cover(self.camera.frame.padded(margin))
-        x, y = window.x - self._grid.window.x, window.y - self._grid.window.y
+        x, y = window.x - self._nodes.window.x, window.y - self._nodes.window.y
         tiles = (
             slice(y // _TILE, (y + window.height) // _TILE + 1),
             slice(x // _TILE, (x + window.width) // _TILE + 1),
@@ -196,14 +201,14 @@ class LensMap:
 
     def _cover(self, window: Window) -> None:
         """Make room for a window."""
-        self._grid = _Grid(window, self.camera.width)
-        rows, columns = self._grid.u.shape
+        self._nodes = _Nodes(window, self.camera.width)
+        rows, columns = self._nodes.u.shape
         self._known = np.zeros(((rows - 1) // _TILE + 1, (columns - 1) // _TILE + 1), dtype=np.bool_)
 
     def _compute(self, j: int, i: int) -> None:
         """Compute the nodes of a tile up to the first ones of the next tiles."""
-        grid, j0, i0 = self._grid, j * _TILE, i * _TILE
-        j1, i1 = min(j0 + _TILE + 1, len(grid.rows)), min(i0 + _TILE + 1, len(grid.columns))
-        if not grid.compute(self._lens, j0, j1, i0, i1):
-            raise no_inverse(self.distortion, grid.window)
+        nodes, j0, i0 = self._nodes, j * _TILE, i * _TILE
+        j1, i1 = min(j0 + _TILE + 1, len(nodes.rows)), min(i0 + _TILE + 1, len(nodes.columns))
+        if not nodes.compute(self._lens, j0, j1, i0, i1):
+            raise no_inverse(self.distortion, nodes.window)
         self._known[j, i] = True

@@ -9,13 +9,14 @@ import numpy as np
 from msrr_bullet.render.raster.assembly import VisualShape, assemble
 from msrr_bullet.render.raster.floor_texture import pack_floor
 from msrr_bullet.render.raster.kernels.compiler import compiler
-from msrr_bullet.render.raster.kernels.lens_pipeline import draw_through_lens
-from msrr_bullet.render.raster.kernels.pipeline import BAND, draw
+from msrr_bullet.render.raster.kernels.grid import GROUP
+from msrr_bullet.render.raster.kernels.pipeline import BAND, draw, draw_through_lens
 from msrr_bullet.render.raster.kernels.records import (
     Corners,
     FloorTexture,
     Geometry,
     Light,
+    PixelGrid,
     ProjectedFaces,
     RowBuffers,
     Samples,
@@ -56,7 +57,6 @@ class Rasterizer:
         self.geometry, self._textures = assemble(shapes)
         self._frame_count = frame_count
         self._positions, self._cell_positions = sample_positions(SAMPLES), sample_positions(CELL_SAMPLES)
-        self._maps = np.empty((0, 6))
         self._width = 0
         self._workspace = _workspace(self.geometry, frame_count, 0)
 
@@ -99,14 +99,12 @@ class Rasterizer:
             self._workspace,
         )
         if lens is None:
-            draw(_view(camera, window), *scene, out)
+            draw(_view(camera, window), _ideal_grid(window), *scene, out)
             return out
-        if len(self._maps) < BAND * window.width + 1:
-            self._maps = untouched((BAND * window.width + 1, 6), np.float64)
         for top in range(0, window.height, BAND):  # so that a whole frame takes little memory for its corners
             rows = out[top : top + BAND]
             strip = Window(window.x, window.y + top, window.width, len(rows))
-            draw_through_lens(_view(camera, lens.bounds(strip)), lens.view(strip), *scene, self._maps, rows)
+            draw_through_lens(_view(camera, lens.bounds(strip)), lens.grid(strip), *scene, rows)
         return out
 
 
@@ -120,6 +118,24 @@ def _view(camera: PinholeCamera, window: Window) -> View:
         window.width,
         window.height,
         NEAR_M,
+    )
+
+
+def _ideal_grid(window: Window) -> PixelGrid:
+    """Return the corners of the pixels of a window behind a lens that does not distort."""
+    return PixelGrid(
+        width=window.width,
+        height=window.height,
+        u=window.x,
+        v=window.y,
+        v_low=window.y,
+        v_high=window.y,
+        shift=0.0,
+        pitch=1.0,
+        slant=0.0,
+        column=window.x,
+        group_u=GROUP * (window.x // GROUP + 0.5),
+        group_v=window.y + 0.5,
     )
 
 
@@ -161,7 +177,7 @@ def _workspace(geometry: Geometry, frame_count: int, width: int) -> Workspace:
             nearest=np.empty(faces),
             box=np.empty((faces, 4)),
             edge_start=np.zeros(faces + 1, dtype=np.int64),
-            edges=np.empty((edges, 5)),
+            edges=np.empty((edges, 3)),
             inner=np.empty(edges, dtype=np.bool_),
             grey=np.empty(faces),
             shade=np.empty((faces, 3)),
@@ -189,5 +205,6 @@ def _workspace(geometry: Geometry, frame_count: int, width: int) -> Workspace:
             column=np.empty(pixels + 1, dtype=np.int32),
             key=untouched((pixels, SAMPLES), np.int64),  # few pixels are mixed
             farthest=np.empty(pixels, dtype=np.int64),
+            maps=untouched((pixels + 1, 6), np.float64),
         ),
     )

@@ -20,7 +20,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cached_property, partial, update_wrapper
+from functools import cached_property, partial, update_wrapper, wraps
 from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar, cast
@@ -59,6 +59,16 @@ class KernelCompiler:
         ``fastmath`` stays off: results must not depend on how the compiler groups a sum.
         """
         return cast(F, _Lazy(function, self._compiled))
+
+    def variant(self, kernel: F, name: str) -> F:
+        """Return a kernel of another name, for arguments of other types.
+
+        It is stored by itself, so :meth:`is_compiled` tells whether there is machine code for those types.
+        """
+        function: FunctionType = cast(Any, kernel).__wrapped__
+        twin = FunctionType(function.__code__.replace(co_name=name), function.__globals__, name)
+        twin.__qualname__ = name
+        return cast(F, self.kernel(update_wrapper(twin, function, assigned=("__doc__", "__annotations__"))))
 
     def _compiled(self, function: FunctionType) -> Any:
         from numba.core import config as filled_at_run_time  # mypy sees it as empty
@@ -121,9 +131,36 @@ def inlined(function: F) -> F:
     return cast(F, _Lazy(function, partial(_compiled, inline="always")))
 
 
+def chosen_by_type(choose: Callable[..., Callable[..., Any]]) -> Any:
+    """Decorate a function that chooses, by the types of its arguments, a step of an inner loop.
+
+    It returns a function of the same arguments, which kernels call in place of the decorated one. So one
+    source serves several kinds of data, and no kernel asks which while it runs.
+
+    Args:
+        choose: A function of numba's types of the arguments, or of the arguments themselves where numba is
+            told not to compile.
+    """
+
+    @wraps(choose)
+    def chosen(*arguments: Any) -> Any:
+        return choose(*arguments)(*arguments)
+
+    _choices.append((chosen, choose))
+    return chosen
+
+
+#: Choices that numba has not been told of yet: it is imported when the first kernel is compiled.
+_choices: list[tuple[Callable[..., Any], Callable[..., Callable[..., Any]]]] = []
+
+
 def _compiled(function: FunctionType, **options: Any) -> Any:
     import numba
+    from numba.extending import overload
 
+    while _choices:
+        chosen, choose = _choices.pop()
+        overload(chosen, strict=False)(choose)  # not strict about annotations, which differ
     return numba.njit(fastmath=False, boundscheck=False, error_model="numpy", **options)(function)
 
 

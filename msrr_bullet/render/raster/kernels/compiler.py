@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from msrr_perception.kernels.compiled import KernelCompiler, inlined, subroutine
+from msrr_perception.kernels.compiled import KernelCompiler, chosen_by_type, inlined, subroutine
 
-__all__ = ["compiler", "inlined", "kernel", "subroutine"]
+__all__ = ["chosen_by_type", "compiler", "inlined", "kernel", "subroutine"]
 
 #: A kernel inlines functions of other files, so a change of any file of this package makes all machine code
 #: stale. No result may depend on how a sum is grouped: a window has to equal the crop of its frame.

@@ -8,15 +8,16 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
-from msrr_bullet.render.raster.kernels.records import FloorTexture, FloorView, RowBuffers, View
+from msrr_bullet.render.raster.kernels.grid import GROUP, group_column, group_row, middle_column, middle_row
+from msrr_bullet.render.raster.kernels.records import FloorTexture, FloorView, PixelGrid, RowBuffers, View
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
 
+#: Coefficients of a form, in single precision.
+Form = tuple[np.float32, np.float32, np.float32]
+
 #: Blends per level of the texture's pyramid.
 STEPS = 2
-
-#: Pixels of a row that share one blend, aligned to the frame: for a camera with roll and for a level one.
-ROLLED_STRIDE, _LEVEL_STRIDE = 32, 1024
 
 #: Descent of a ray below which the floor is so far away that only its mean is seen.
 _HORIZON = 1e-4
@@ -37,29 +38,24 @@ def project_floor(texture: FloorTexture, view: View, R_WC: Array, p_WC: Array) -
             forms[k, 1] /= view.focal
             forms[k, 2] -= forms[k, 0] * view.middle_x + forms[k, 1] * view.middle_y
     lean = np.sqrt(R_WC[2, 0] * R_WC[2, 0] + R_WC[2, 1] * R_WC[2, 1])
-    # A camera without roll sees each row of the floor at one distance.
-    stride = _LEVEL_STRIDE if abs(R_WC[2, 0]) < 1e-3 else ROLLED_STRIDE
-    return FloorView(forms, texture.per_metre * p_WC[2] / view.focal, lean, stride)
+    return FloorView(forms, texture.per_metre * p_WC[2] / view.focal, lean)
 
 
 @inlined
-def blend_at(
-    texture: FloorTexture, seen: FloorView, column: int, row: int
-) -> tuple[np.int32, np.int32, np.float32]:
-    """Return first texel and bits of the blend for a pixel's group, and its edge over the finest one.
-
-    The group is the run of pixels that share a blend. The footprint is the longer one, along the line of
-    sight, of the group's middle.
-    """
-    u = (column // seen.stride) * seen.stride + 0.5 * seen.stride
-    return blend_for(texture, seen, u, row + 0.5)
+def group_of(grid: PixelGrid, i: int) -> int:
+    """Return the number of the group of pixels, in a row of the window, that pixel ``i`` is in."""
+    return (grid.column + i) // GROUP - grid.column // GROUP
 
 
 @inlined
 def blend_for(
     texture: FloorTexture, seen: FloorView, u: float, v: float
 ) -> tuple[np.int32, np.int32, np.float32]:
-    """Return what :func:`blend_at` returns for a group whose middle is at (u, v) in the image."""
+    """Return first texel and bits of the blend for a group of pixels, and its edge over the finest one.
+
+    The footprint is the longer one, along the line of sight, of the group's middle, which is at (u, v) in
+    the image.
+    """
     forms, last = seen.forms, len(texture.start) - 1
     t = max(forms[2, 0] * u + (forms[2, 1] * v + forms[2, 2]), _HORIZON)
     level = STEPS * np.log2(seen.scale * (t + seen.lean) / (t * t)) + 0.5
@@ -69,22 +65,40 @@ def blend_for(
 
 
 @inlined
+def single_forms(seen: FloorView) -> tuple[Form, Form, Form]:
+    """Return the forms of x, y and t in single precision, as numbers that a loop keeps in registers."""
+    forms = seen.forms
+    return (
+        (np.float32(forms[0, 0]), np.float32(forms[0, 1]), np.float32(forms[0, 2])),
+        (np.float32(forms[1, 0]), np.float32(forms[1, 1]), np.float32(forms[1, 2])),
+        (np.float32(forms[2, 0]), np.float32(forms[2, 1]), np.float32(forms[2, 2])),
+    )
+
+
+@inlined
 def floor_texel(
-    x: np.float32, y: np.float32, t: np.float32, start: np.int32, bits: np.int32, shrink: np.float32
+    forms: tuple[Form, Form, Form],
+    u: np.float32,
+    v: np.float32,
+    start: np.int32,
+    bits: np.int32,
+    shrink: np.float32,
 ) -> tuple[np.int32, np.float32, np.float32]:
     """Return the index of the texel up and left of a point of the floor, and the point's offset from it.
 
     Args:
-        x: Coordinate of the point in finest texels, times t.
-        y: Likewise.
-        t: Descent of the ray.
+        forms: Those of x, y and t of :class:`FloorView`.
+        u: Column of the point in the image [px].
+        v: Its row.
         start: First texel of the blend.
         bits: Binary logarithm of the blend's edge.
         shrink: Edge of the blend over that of the finest one.
     """
+    x_form, y_form, t_form = forms
     mask = (np.int32(1) << bits) - np.int32(1)
-    z = shrink / max(t, np.float32(_HORIZON))
-    x, y = x * z - np.float32(0.5), y * z - np.float32(0.5)
+    z = shrink / max(t_form[0] * u + (t_form[1] * v + t_form[2]), np.float32(_HORIZON))
+    x = (x_form[0] * u + (x_form[1] * v + x_form[2])) * z - np.float32(0.5)
+    y = (y_form[0] * u + (y_form[1] * v + y_form[2])) * z - np.float32(0.5)
     fx, fy = np.floor(x), np.floor(y)
     return start + ((np.int32(fy) & mask) << bits) + (np.int32(fx) & mask), x - fx, y - fy
 
@@ -101,49 +115,46 @@ def bilinear_grey(texel: np.uint32, ax: np.float32, ay: np.float32) -> np.float3
 
 @subroutine
 def shade_floor(
-    view: View,
+    grid: PixelGrid,
     texture: FloorTexture,
     seen: FloorView,
     buffers: RowBuffers,
     out: Pixels,
-    j: int,
+    k: int,
     first: int,
     end: int,
 ) -> None:
-    """Write the floor into pixels ``first`` to ``end`` of row ``j``."""
-    texels, forms, index, part_x, part_y = texture.texels, seen.forms, buffers.texel, buffers.x, buffers.y
-    v = view.y + j + 0.5
-    xu, yu, tu = np.float32(forms[0, 0]), np.float32(forms[1, 0]), np.float32(forms[2, 0])
-    x = np.float32(forms[0, 1] * v + forms[0, 2])
-    y = np.float32(forms[1, 1] * v + forms[1, 2])
-    t = np.float32(forms[2, 1] * v + forms[2, 2])
+    """Write the floor into pixels ``first`` to ``end`` of ``out``, which is row ``k`` of the window."""
+    texels, index, part_x, part_y = texture.texels, buffers.texel, buffers.x, buffers.y
+    u, v, forms = grid.u, grid.v, single_forms(seen)
     stop = first
     while stop < end:
-        i = stop
-        stop = min(((view.x + i) // seen.stride + 1) * seen.stride - view.x, end)
-        start, bits, shrink = blend_at(texture, seen, view.x + i, view.y + j)
-        for k in range(i, stop):
-            u = np.float32(np.int32(view.x + k)) + np.float32(0.5)
-            index[k], part_x[k], part_y[k] = floor_texel(
-                xu * u + x, yu * u + y, tu * u + t, start, bits, shrink
+        i, group = stop, group_of(grid, stop)
+        stop = min(i + GROUP - (grid.column + i) % GROUP, end)
+        start, bits, shrink = blend_for(
+            texture, seen, group_column(grid.group_u, k, group), group_row(grid.group_v, k, group)
+        )
+        for n in range(i, stop):
+            index[n], part_x[n], part_y[n] = floor_texel(
+                forms,
+                np.float32(middle_column(u, k, n)),
+                np.float32(middle_row(v, k, n)),
+                start,
+                bits,
+                shrink,
             )
-        for k in range(i, stop):  # apart from the loop above, which becomes vector code
-            grey = bilinear_grey(texels[index[k]], part_x[k], part_y[k])
-            out[j, k] = np.uint8(np.int32(grey + np.float32(0.5)))
+        for n in range(i, stop):  # apart from the loop above, which becomes vector code
+            grey = bilinear_grey(texels[index[n]], part_x[n], part_y[n])
+            out[n] = np.uint8(np.int32(grey + np.float32(0.5)))
 
 
 @inlined
-def floor_grey(texture: FloorTexture, seen: FloorView, column: int, row: int) -> float:
-    """Return the floor's grey level in the middle of a pixel."""
-    forms = seen.forms
-    start, bits, shrink = blend_at(texture, seen, column, row)
-    u, v = np.float32(column + 0.5), row + 0.5
-    index, ax, ay = floor_texel(
-        np.float32(forms[0, 0]) * u + np.float32(forms[0, 1] * v + forms[0, 2]),
-        np.float32(forms[1, 0]) * u + np.float32(forms[1, 1] * v + forms[1, 2]),
-        np.float32(forms[2, 0]) * u + np.float32(forms[2, 1] * v + forms[2, 2]),
-        start,
-        bits,
-        shrink,
+def floor_grey(grid: PixelGrid, texture: FloorTexture, seen: FloorView, k: int, i: int) -> float:
+    """Return the floor's grey level in the middle of pixel (k, i) of the window."""
+    group = group_of(grid, i)
+    start, bits, shrink = blend_for(
+        texture, seen, group_column(grid.group_u, k, group), group_row(grid.group_v, k, group)
     )
+    u, v = np.float32(middle_column(grid.u, k, i)), np.float32(middle_row(grid.v, k, i))
+    index, ax, ay = floor_texel(single_forms(seen), u, v, start, bits, shrink)
     return float(bilinear_grey(texture.texels[index], ax, ay))

@@ -13,6 +13,8 @@ import numpy as np
 
 from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
 from msrr_bullet.render.raster.kernels.floor import floor_grey
+from msrr_bullet.render.raster.kernels.grid import middle_column, middle_row
+from msrr_bullet.render.raster.kernels.pixel_map import columns_of_pixel, over_pixel, place_in_pixel
 from msrr_bullet.render.raster.kernels.records import (
     CELLS,
     FLOOR,
@@ -24,14 +26,14 @@ from msrr_bullet.render.raster.kernels.records import (
     FloorTexture,
     FloorView,
     Identities,
+    PixelGrid,
     ProjectedFaces,
     Samples,
     Textures,
-    View,
 )
 from msrr_bullet.render.raster.kernels.sample_positions import CELL_SAMPLES, SAMPLES
-from msrr_bullet.render.raster.kernels.simple_pixels import quantised
-from msrr_bullet.render.raster.kernels.textures import cell_index, filtered_reflectance, mean_cell_reflectance
+from msrr_bullet.render.raster.kernels.simple_pixels import mean_cells_of_pixel, quantised
+from msrr_bullet.render.raster.kernels.textures import cell_index, filtered_reflectance
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
 
@@ -55,24 +57,6 @@ def sample_key(w: np.float32, identity: np.int32 | int) -> np.int64:
     return (np.int64(np.float32(w).view(np.int32)) << 32) | (np.int64(identity) - LEAST_IDENTITY)
 
 
-@subroutine
-def clear_samples(view: View, floor: Array, positions: Floats, samples: Samples) -> None:
-    """Fill the samples of all mixed pixels with wall and floor, whose 1 / z has the form ``floor``."""
-    start, column, key, farthest = samples.start, samples.column, samples.key, samples.farthest
-    rise = np.empty(SAMPLES, np.float32)
-    for s in range(SAMPLES):
-        rise[s] = floor[0] * positions[0, s] + floor[1] * positions[1, s]
-    for j in range(view.height):
-        for p in range(start[j], start[j + 1]):
-            corner = np.float32(floor[0] * (view.x + column[p]) + (floor[1] * (view.y + j) + floor[2]))
-            least = GREATEST_KEY
-            for s in range(SAMPLES):
-                w = max(corner + rise[s], np.float32(0.0))
-                key[p, s] = sample_key(w, FLOOR if w > np.float32(0.0) else WALL)
-                least = min(least, key[p, s])
-            farthest[p] = least
-
-
 @inlined
 def first_pixel(column: Identities, start: int, end: int, left: int) -> int:
     """Return the first of a row's mixed pixels, ``start`` to ``end``, that is not left of column ``left``."""
@@ -86,68 +70,85 @@ def first_pixel(column: Identities, start: int, end: int, left: int) -> int:
 
 
 @subroutine
-def cover_samples(view: View, faces: ProjectedFaces, count: int, positions: Floats, samples: Samples) -> None:
-    """Draw all faces on the samples of the mixed pixels."""
+def cover_samples(
+    grid: PixelGrid,
+    top: int,
+    height: int,
+    faces: ProjectedFaces,
+    count: int,
+    floor: Array,
+    positions: Floats,
+    samples: Samples,
+) -> None:
+    """Draw wall, floor and all faces on the samples of the mixed pixels of a band of rows."""
     start, column, key, farthest = samples.start, samples.column, samples.key, samples.farthest
+    u, v, maps = grid.u, grid.v, samples.maps
     inverse_depth, edge_start, edges, box = faces.inverse_depth, faces.edge_start, faces.edges, faces.box
-    nearest = faces.nearest
-    rise = np.empty(SAMPLES, np.float32)  # of 1 / z from a pixel's upper left corner to each sample
+    nearest, spans = faces.nearest, faces.spans
     # How far inside the edges that cross the pixel, but for the last of them, each sample is.
     reach = np.full(SAMPLES, np.inf, np.float32)
+    for j in range(height):
+        for p in range(start[j], start[j + 1]):
+            a, b, c = over_pixel(u, v, maps, p, top + j, column[p], floor[0], floor[1], floor[2])
+            least = GREATEST_KEY
+            for s in range(SAMPLES):
+                w = max(np.float32(a * positions[0, s] + (b * positions[1, s] + c)), np.float32(0.0))
+                key[p, s] = sample_key(w, FLOOR if w > np.float32(0.0) else WALL)
+                least = min(least, key[p, s])
+            farthest[p] = least
     for f in range(count):
-        top = int(max(np.floor(box[f, 2]), float(view.y)))
-        bottom = int(min(np.floor(box[f, 3]), view.y + view.height - 1.0))
-        if top > bottom or start[top - view.y] == start[bottom - view.y + 1]:
-            continue
         first, end = edge_start[f], edge_start[f + 1]
-        a, b, c = inverse_depth[f, 0], inverse_depth[f, 1], inverse_depth[f, 2]
-        highest = max(a, 0.0) + max(b, 0.0)
         name = np.int32(f << REGION_BITS)
-        left, right = int(np.floor(box[f, 0])) - view.x, int(np.floor(box[f, 1])) - view.x
-        for s in range(SAMPLES):
-            rise[s] = a * positions[0, s] + b * positions[1, s]
-        for y in range(top, bottom + 1):
-            p, stop = start[y - view.y], start[y - view.y + 1]
-            if p == stop or column[p] > right or column[stop - 1] < left:
-                continue
-            p = first_pixel(column, p, stop, left)
-            while p < stop and column[p] <= right:
-                x = view.x + column[p]
-                corner = a * x + (b * y + c)
-                bound = np.float32(max(min(corner + highest, nearest[f]), 0.0))
-                if sample_key(bound, name) > farthest[p]:  # not behind every sample
-                    crossed, outside = 0, False
-                    ea32, eb32, value32 = np.float32(0.0), np.float32(0.0), np.float32(0.0)
-                    for e in range(first, end):
-                        ea, eb = edges[e, 0], edges[e, 1]
-                        value = ea * x + (eb * y + edges[e, 2])
-                        if value + max(ea, 0.0) + max(eb, 0.0) < 0.0:
-                            outside = True
-                            break
-                        if value + min(ea, 0.0) + min(eb, 0.0) < 0.0:  # this edge crosses the pixel
-                            if crossed > 0:
-                                for s in range(SAMPLES):
-                                    inside = value32 + (ea32 * positions[0, s] + eb32 * positions[1, s])
-                                    reach[s] = min(reach[s], inside)
-                            ea32, eb32, value32 = np.float32(ea), np.float32(eb), np.float32(value)
-                            crossed += 1
-                    if not outside:
-                        corner32, least = np.float32(corner), GREATEST_KEY
-                        for s in range(SAMPLES):
-                            w = max(corner32 + rise[s], np.float32(0.0))
-                            inside = value32 + (ea32 * positions[0, s] + eb32 * positions[1, s])
-                            w = w if min(inside, reach[s]) >= np.float32(0.0) else np.float32(0.0)
-                            key[p, s] = max(key[p, s], sample_key(w, name if w > np.float32(0.0) else WALL))
-                            least = min(least, key[p, s])
-                        farthest[p] = least
-                    if crossed > 1:
-                        reach[:] = np.float32(np.inf)
-                p += 1
+        left, right, greatest = box[f, 0], box[f, 1], sample_key(np.float32(nearest[f] * 1.000001), name)
+        fa, fb, fc = inverse_depth[f, 0], inverse_depth[f, 1], inverse_depth[f, 2]
+        for j in range(spans[f, 0], spans[f, 1]):
+            k = top + j
+            begin = first_pixel(column, start[j], start[j + 1], spans[f, 2])
+            for p in range(begin, start[j + 1]):
+                i = column[p]
+                if i >= spans[f, 3]:
+                    break
+                if greatest <= farthest[p]:  # behind every sample
+                    continue
+                u0, u1 = columns_of_pixel(u, maps, p, k, i)
+                if u1 < left or u0 > right:
+                    continue
+                a, b, c = over_pixel(u, v, maps, p, k, i, fa, fb, fc)
+                bound = np.float32(max((c + max(a, 0.0) + max(b, 0.0)) * 1.000001, 0.0))
+                if sample_key(bound, name) <= farthest[p]:
+                    continue
+                crossed, outside = 0, False
+                ea32, eb32, ec32 = np.float32(0.0), np.float32(0.0), np.float32(0.0)
+                for e in range(first, end):
+                    ea, eb, ec = over_pixel(u, v, maps, p, k, i, edges[e, 0], edges[e, 1], edges[e, 2])
+                    if ec + max(ea, 0.0) + max(eb, 0.0) < 0.0:
+                        outside = True
+                        break
+                    if ec + min(ea, 0.0) + min(eb, 0.0) < 0.0:  # this edge crosses the pixel
+                        if crossed > 0:
+                            for s in range(SAMPLES):
+                                inside = ec32 + (ea32 * positions[0, s] + eb32 * positions[1, s])
+                                reach[s] = min(reach[s], inside)
+                        ea32, eb32, ec32 = np.float32(ea), np.float32(eb), np.float32(ec)
+                        crossed += 1
+                if not outside:
+                    a32, b32, c32, least = np.float32(a), np.float32(b), np.float32(c), GREATEST_KEY
+                    for s in range(SAMPLES):
+                        w = max(c32 + (a32 * positions[0, s] + b32 * positions[1, s]), np.float32(0.0))
+                        inside = ec32 + (ea32 * positions[0, s] + eb32 * positions[1, s])
+                        w = w if min(inside, reach[s]) >= np.float32(0.0) else np.float32(0.0)
+                        key[p, s] = max(key[p, s], sample_key(w, name if w > np.float32(0.0) else WALL))
+                        least = min(least, key[p, s])
+                    farthest[p] = least
+                if crossed > 1:
+                    reach[:] = np.float32(np.inf)
 
 
 @subroutine
 def shade_mixed_pixels(
-    view: View,
+    grid: PixelGrid,
+    top: int,
+    height: int,
     faces: ProjectedFaces,
     textures: Textures,
     floor_texture: FloorTexture,
@@ -157,16 +158,17 @@ def shade_mixed_pixels(
     samples: Samples,
     out: Pixels,
 ) -> None:
-    """Write the mean of the samples of every mixed pixel."""
+    """Write the mean of the samples of every mixed pixel of a band of rows."""
     start, column, key = samples.start, samples.column, samples.key
-    kind, grey, cells, uv = faces.kind, faces.grey, faces.cells, faces.uv
-    inverse_depth, shade, texels = faces.inverse_depth, faces.shade, textures.texels
+    maps, u, v = samples.maps, grid.u, grid.v
+    kind, grey, shade, inverse_depth = faces.kind, faces.grey, faces.shade, faces.inverse_depth
+    cells, uv, texture = faces.cells, faces.uv, faces.texture
+    level_start, levels, texels = textures.level_start, textures.levels, textures.texels
     texel, identity = np.empty(CELL_SAMPLES, np.uint32), np.empty(SAMPLES, np.int32)
-    texture, level_start, levels = faces.texture, textures.level_start, textures.levels
-    for j in range(view.height):
-        y = view.y + j
+    for j in range(height):
+        k = top + j
         for p in range(start[j], start[j + 1]):
-            x = view.x + column[p]
+            i = column[p]
             differs = np.int32(0)
             for s in range(SAMPLES):
                 identity[s] = np.int32((key[p, s] & IDENTITY_BITS) + LEAST_IDENTITY)
@@ -174,8 +176,8 @@ def shade_mixed_pixels(
             f = identity[0] >> REGION_BITS
             total = 0.0
             if differs == 0 and f >= 0 and kind[f] == TEXTURED | CELLS:
-                total = grey[f] * mean_cell_reflectance(
-                    uv, cells, inverse_depth, texels, f, x, y, cell_positions, texel
+                total = grey[f] * mean_cells_of_pixel(
+                    u, v, maps, p, k, i, uv, cells, inverse_depth, texels, f, cell_positions, texel
                 )
             else:
                 # Most samples show what the one before showed; ``steady``: its grey level is constant.
@@ -188,7 +190,7 @@ def shade_mixed_pixels(
                         last = name
                         steady = name < 0 or kind[f] == 0
                         if name == FLOOR:
-                            value = floor_grey(floor_texture, floor_view, x, y)
+                            value = floor_grey(grid, floor_texture, floor_view, k, i)
                         elif name == WALL:
                             value = floor_texture.wall
                         elif steady:
@@ -198,24 +200,34 @@ def shade_mixed_pixels(
                                 bitmap = f
                                 a, b, c = inverse_depth[f, 0], inverse_depth[f, 1], inverse_depth[f, 2]
                                 for n in range(SAMPLES):
-                                    u, v = x + positions[0, n], y + positions[1, n]
-                                    w = a * u + (b * v + c)
-                                    texel[n] = cell_index(uv, cells, f, u, v, w)
+                                    x, y = place_in_pixel(
+                                        u, v, maps, p, k, i, positions[0, n], positions[1, n]
+                                    )
+                                    w = a * x + (b * y + c)
+                                    texel[n] = cell_index(uv, cells, f, x, y, w)
                         elif kind[f] & TEXTURED:
                             # The filter is as wide as a pixel: one lookup serves all samples of a face.
                             reflectance = filtered_reflectance(
-                                inverse_depth, uv, texture, level_start, levels, texels, f, x + 0.5, y + 0.5
+                                inverse_depth,
+                                uv,
+                                texture,
+                                level_start,
+                                levels,
+                                texels,
+                                f,
+                                middle_column(u, k, i),
+                                middle_row(v, k, i),
                             )
                     if not steady:
                         value = grey[f]
                         if kind[f] & SMOOTH:
-                            u, v = x + positions[0, s], y + positions[1, s]
-                            w = inverse_depth[f, 0] * u + (inverse_depth[f, 1] * v + inverse_depth[f, 2])
-                            value = (shade[f, 0] * u + (shade[f, 1] * v + shade[f, 2])) / w
+                            x, y = place_in_pixel(u, v, maps, p, k, i, positions[0, s], positions[1, s])
+                            w = inverse_depth[f, 0] * x + (inverse_depth[f, 1] * y + inverse_depth[f, 2])
+                            value = (shade[f, 0] * x + (shade[f, 1] * y + shade[f, 2])) / w
                         if kind[f] & CELLS:
                             value *= texels[texel[s]]
                         elif kind[f] & TEXTURED:
                             value *= reflectance
                     total += value
                 total /= SAMPLES
-            out[j, column[p]] = quantised(total)
+            out[j, i] = quantised(total)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from msrr_bullet.render.raster.kernels.compiler import inlined, kernel
+from msrr_bullet.render.raster.kernels.compiler import compiler, inlined, kernel
 from msrr_bullet.render.raster.kernels.floor import project_floor
-from msrr_bullet.render.raster.kernels.mixed_pixels import clear_samples, cover_samples, shade_mixed_pixels
+from msrr_bullet.render.raster.kernels.mixed_pixels import cover_samples, shade_mixed_pixels
 from msrr_bullet.render.raster.kernels.projection import project
 from msrr_bullet.render.raster.kernels.records import (
     Floats,
     FloorTexture,
     Geometry,
     Light,
+    PixelGrid,
     Textures,
     View,
     Workspace,
@@ -50,6 +51,7 @@ def place_frames(poses: Array, R_WC: Array, p_WC: Array, R_CM: Array, p_CM: Arra
 @kernel
 def draw(
     view: View,
+    grid: PixelGrid,
     poses: Array,
     R_WC: Array,
     p_WC: Array,
@@ -65,7 +67,8 @@ def draw(
     """Draw a window.
 
     Args:
-        view: Camera and window.
+        view: Camera, and bounds in the image of an ideal lens of what the window shows.
+        grid: Corners of the window's pixels.
         poses: Position [m] and quaternion xyzw of each moving frame in W, shape (M, 7).
         R_WC: Rotation of the camera in W, shape (3, 3).
         p_WC: Position of the camera in W, shape (3,) [m].
@@ -84,22 +87,15 @@ def draw(
     floor = floor_view.forms[2] / max(p_WC[2], 1e-9)
     faces, corners, samples = work.faces, work.corners, work.samples
     count = project(view, light, geometry, work.R_CM, work.p_CM, work.R_WM, work.projected, faces)
-    for top in range(0, view.height, BAND):
-        band = View(
-            view.focal,
-            view.middle_x,
-            view.middle_y,
-            view.x,
-            view.y + top,
-            view.width,
-            min(BAND, view.height - top),
-            view.near,
-        )
-        rows = out[top : top + BAND]
-        clear_corners(band, floor, corners)
-        cover_corners(band, faces, count, textures.regions, corners, work.row.texel)
+    for top in range(0, grid.height, BAND):
+        height = min(BAND, grid.height - top)
+        rows = out[top : top + height]
+        clear_corners(grid, top, height, floor, corners)
+        cover_corners(grid, top, height, faces, count, textures.regions, corners, work.row.texel)
         shade_simple_pixels(
-            band,
+            grid,
+            top,
+            height,
             faces,
             textures,
             floor_texture,
@@ -110,8 +106,21 @@ def draw(
             samples,
             rows,
         )
-        clear_samples(band, floor, positions, samples)
-        cover_samples(band, faces, count, positions, samples)
+        cover_samples(grid, top, height, faces, count, floor, positions, samples)
         shade_mixed_pixels(
-            band, faces, textures, floor_texture, floor_view, positions, cell_positions, samples, rows
+            grid,
+            top,
+            height,
+            faces,
+            textures,
+            floor_texture,
+            floor_view,
+            positions,
+            cell_positions,
+            samples,
+            rows,
         )
+
+
+#: The same for a grid of arrays.
+draw_through_lens = compiler.variant(draw, "draw_through_lens")

@@ -66,7 +66,7 @@ def project(
     projected: Array,
     out: ProjectedFaces,
 ) -> int:
-    """Fill ``out`` with the faces that may be seen in the window; return their number.
+    """Fill ``out`` with the faces that may be seen in the bounds of the view; return their number.
 
     Args:
         view: Camera and window.
@@ -137,7 +137,7 @@ def project(
             a, b, c = form(view, wx, wy, wz)
             out.inverse_depth[count, 0], out.inverse_depth[count, 1], out.inverse_depth[count, 2] = a, b, c
             if out.nearest[count] * view.near > 1.0:  # a corner is nearer than the near plane
-                write_edge(out.edges, edge, -a, -b, 1.0 / view.near - c)
+                out.edges[edge, 0], out.edges[edge, 1], out.edges[edge, 2] = -a, -b, 1.0 / view.near - c
                 out.inner[edge] = False
                 edge += 1
                 out.nearest[count] = 1.0 / view.near
@@ -233,14 +233,6 @@ def bounds(
 
 
 @inlined
-def write_edge(edges: Array, row: int, a: float, b: float, c: float) -> None:
-    """Write the form of an edge. The quotients are the same for an edge and its reverse, bit for bit."""
-    edges[row, 0], edges[row, 1], edges[row, 2] = a, b, c
-    edges[row, 3] = -b / a if a != 0.0 else 0.0
-    edges[row, 4] = -c / a if a != 0.0 else 0.0
-
-
-@inlined
 def edge_forms(
     view: View, corners: Indices, first: int, end: int, projected: Array, out: ProjectedFaces, edge: int
 ) -> int:
@@ -251,7 +243,7 @@ def edge_forms(
         k = corners[i]
         bx, by, bz = projected[k, 0], projected[k, 1], projected[k, 2]
         a, b, c = form(view, by * az - bz * ay, bz * ax - bx * az, bx * ay - by * ax)
-        write_edge(out.edges, edge, a, b, c)
+        out.edges[edge, 0], out.edges[edge, 1], out.edges[edge, 2] = a, b, c
         edge += 1
         ax, ay, az = bx, by, bz
     return edge

@@ -68,12 +68,15 @@ class Textures(NamedTuple):
 
 
 class View(NamedTuple):
-    """The intrinsics of the camera, the window that is drawn, and the near plane."""
+    """The intrinsics of the camera, the near plane, and bounds of what is drawn.
+
+    The bounds are those of the window's pixels in the image of an ideal lens.
+    """
 
     focal: float  # [px]
     middle_x: float  # column of the principal point from the left edge of the frame [px]
     middle_y: float  # its row from the upper edge [px]
-    x: int  # the window, in pixels of the frame
+    x: int  # the bounds, in pixels of the frame
     y: int
     width: int
     height: int
@@ -94,22 +97,25 @@ class LensParameters(NamedTuple):
     aspect: float  # fy over fx
 
 
-class LensView(NamedTuple):
-    """The corners of the window's pixels behind a lens that distorts: their places in an ideal lens' image.
+class PixelGrid(NamedTuple):
+    """The corners of the window's pixels: their places in the image of an ideal lens.
 
-    u grows along every row and v along every column.
+    u grows along every row and v along every column. Where the lens is ideal, u and v are whole numbers,
+    column and row of the first corner; :mod:`.grid` reads either kind.
     """
 
-    u: Array  # (height + 1, width + 1) columns, counted from the edge of the frame [px]
-    v: Array  # (height + 1, width + 1) rows
-    v_low: Array  # (height + 1,) least v of each row of corners
-    v_high: Array  # (height + 1,) greatest
+    width: int
+    height: int
+    u: Array | int  # (height + 1, width + 1) columns, counted from the edge of the frame [px]
+    v: Array | int  # (height + 1, width + 1) rows
+    v_low: Array | int  # (height + 1,) least v of each row of corners
+    v_high: Array | int  # (height + 1,) greatest
     shift: float  # most by which u differs from that of the corner below
     pitch: float  # least by which u differs from that of the corner to the right
     slant: float  # most by which v differs from that of the corner to the right
     column: int  # first column of the window in the frame
-    group_u: Array  # (height, groups) middles of the groups of pixels that share a blend of the floor
-    group_v: Array  # (height, groups)
+    group_u: Array | float  # (height, groups) middles of the groups of pixels that share a blend of the floor
+    group_v: Array | float  # (height, groups); where the lens is ideal, the middle of the first group
 
 
 class Light(NamedTuple):
@@ -139,7 +145,6 @@ class FloorView(NamedTuple):
     forms: Array  # (3, 3) forms of x, y and t
     scale: float  # footprint across a ray that falls plumb [texels]
     lean: float  # sine of the angle between optical axis and plumb line
-    stride: int  # pixels of a row that share one blend, aligned to the frame
 
 
 class ProjectedFaces(NamedTuple):
@@ -149,7 +154,7 @@ class ProjectedFaces(NamedTuple):
     nearest: Array  # (N,) largest 1 / z on the face
     box: Array  # (N, 4) bounds u0, u1, v0, v1 [px]
     edge_start: Indices  # (N + 1,)
-    edges: Array  # (., 5) forms, inside where all >= 0; where a != 0: -b / a and -c / a, so that u = s v + t
+    edges: Array  # (., 3) forms, inside where all >= 0
     inner: NDArray[np.bool_]  # (.,) edges beyond which the same round surface goes on and is seen
     grey: Array  # (N,) grey level; where TEXTURED: of white
     shade: Array  # (N, 3) form of grey / z, where SMOOTH
@@ -158,9 +163,7 @@ class ProjectedFaces(NamedTuple):
     texture: Indices  # (N,)
     surface: Indices  # (N,)
     cells: Indices  # (N, 4)
-    spans: (
-        Indices  # (N, 4) first row and row after the last, columns likewise, of pixels of a band; lens only
-    )
+    spans: Indices  # (N, 4) first row and row after the last, columns likewise, of pixels of a band
 
 
 class Corners(NamedTuple):
@@ -187,6 +190,7 @@ class Samples(NamedTuple):
     column: Identities  # (P,) from the window's left
     key: Indices  # (P, S) depth and identity of the nearest face in one number
     farthest: Indices  # (P,) smallest of ``key``
+    maps: Array  # (P + 1, 6) see :mod:`.pixel_map`; where the lens distorts
 
 
 class Workspace(NamedTuple):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
-from msrr_bullet.render.raster.kernels.records import Floats, Indices, TexelNumbers, View
+from msrr_bullet.render.raster.kernels.grid import form_at
+from msrr_bullet.render.raster.kernels.records import Floats, Indices, TexelNumbers
 from msrr_bullet.render.raster.kernels.sample_positions import CELL_SAMPLES
 from msrr_scenes.arrays import Array
 
@@ -77,57 +78,35 @@ def cell_index(uv: Array, cells: Indices, f: int, u: float, v: float, w: float) 
 
 @inlined
 def write_cell_indices(
-    view: View,
+    u: Array | int,
+    v: Array | int,
     uv: Array,
     cells: Indices,
     f: int,
     a: float,
-    row: float,
+    b: float,
+    c: float,
     k: int,
-    i0: np.uint32,
-    i1: np.uint32,
+    i0: int,
+    i1: int,
     out: TexelNumbers,
 ) -> None:
     """Write the indices of the texels of face f's bitmap at corners i0 to i1 of row k.
 
-    The inverse depth is ``a u + row``. Apart from the loop that asks whether they are seen, this becomes
-    vector code.
+    The inverse depth has the form (a, b, c). Apart from the loop that asks whether they are seen, this
+    becomes vector code.
     """
     start, rows, columns = np.int32(cells[f, 0]), np.int32(cells[f, 1]), np.int32(cells[f, 2])
     last_row, last_column = np.int32(rows - 1), np.int32(columns - 1)
-    s_rise, s_row = uv[f, 0, 0], uv[f, 0, 1] * k + uv[f, 0, 2]
-    t_rise, t_row = uv[f, 1, 0], uv[f, 1, 1] * k + uv[f, 1, 2]
-    for i in range(i0, i1):
-        u = np.float64(np.int32(view.x + i))
-        z = 1.0 / (a * u + row)
-        column = np.int32((s_rise * u + s_row) * z * columns)
-        line = np.int32((1.0 - (t_rise * u + t_row) * z) * rows)
+    sa, sb, sc = uv[f, 0, 0], uv[f, 0, 1], uv[f, 0, 2]
+    ta, tb, tc = uv[f, 1, 0], uv[f, 1, 1], uv[f, 1, 2]
+    for i in range(np.uint32(i0), np.uint32(i1)):
+        z = 1.0 / form_at(a, b, c, u, v, k, i)
+        column = np.int32(form_at(sa, sb, sc, u, v, k, i) * z * columns)
+        line = np.int32((1.0 - form_at(ta, tb, tc, u, v, k, i) * z) * rows)
         column = min(max(column, np.int32(0)), last_column)
         line = min(max(line, np.int32(0)), last_row)
         out[i] = start + line * columns + column
-
-
-@inlined
-def mean_cell_reflectance(
-    uv: Array,
-    cells: Indices,
-    inverse_depth: Array,
-    texels: Floats,
-    f: int,
-    x: int,
-    y: int,
-    positions: Floats,
-    index: TexelNumbers,
-) -> float:
-    """Return the mean reflectance of face f's bitmap over a pixel that shows nothing else.
-
-    ``index`` is memory for :data:`CELL_SAMPLES` numbers.
-    """
-    s_form = uv[f, 0, 0], uv[f, 0, 1], uv[f, 0, 0] * x + (uv[f, 0, 1] * y + uv[f, 0, 2])
-    t_form = uv[f, 1, 0], uv[f, 1, 1], uv[f, 1, 0] * x + (uv[f, 1, 1] * y + uv[f, 1, 2])
-    w0 = inverse_depth[f, 0] * x + (inverse_depth[f, 1] * y + inverse_depth[f, 2])
-    w_form = inverse_depth[f, 0], inverse_depth[f, 1], w0
-    return mean_of_cells(cells, texels, f, s_form, t_form, w_form, positions, index)
 
 
 @inlined

@@ -7,6 +7,9 @@ it would have to cross the pixel, in front of the first face. For each pixel tha
 inverse depth of their faces in it is kept. From this it follows without exception which pixels show one thing
 only, however thin things are, and also where bodies pierce each other.
 
+Behind a lens that distorts, a pixel is the quadrangle between the places of its four corners in the image of
+an ideal lens, where all forms stay linear: what holds for squares holds for it.
+
 An identity is ``face << REGION_BITS | region``: the cells of a tag form rectangles, which are convex, too, so
 that the same holds for them.
 """
@@ -14,9 +17,10 @@ that the same holds for them.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from msrr_bullet.render.raster.kernels.compiler import inlined, subroutine
+from msrr_bullet.render.raster.kernels.edges import crossing, form_edges, mark_pixels, side_of
+from msrr_bullet.render.raster.kernels.grid import bound_at, column_at, form_at
 from msrr_bullet.render.raster.kernels.records import (
     CELLS,
     FLOOR,
@@ -25,90 +29,41 @@ from msrr_bullet.render.raster.kernels.records import (
     Corners,
     Floats,
     Indices,
+    PixelGrid,
     ProjectedFaces,
     TexelNumbers,
-    View,
 )
 from msrr_bullet.render.raster.kernels.textures import write_cell_indices
 from msrr_scenes.arrays import Array
 
 
 @subroutine
-def clear_corners(view: View, floor: Array, corners: Corners) -> None:
-    """Fill the corners with wall and floor; ``floor`` is the form of the floor's 1 / z (zeros: no floor)."""
-    depth, identity, edge_depth = corners.depth, corners.identity, corners.edge_depth
+def clear_corners(grid: PixelGrid, top: int, height: int, floor: Array, corners: Corners) -> None:
+    """Fill the corners of a band of rows with wall and floor, whose 1 / z has the form ``floor``."""
+    depth, identity, edge_depth, u, v = corners.depth, corners.identity, corners.edge_depth, grid.u, grid.v
     a, b, c = floor[0], floor[1], floor[2]
-    for j in range(view.height + 1):
-        row = b * (view.y + j) + c
-        for i in range(view.width + 1):
-            w = np.float32(a * (view.x + i) + row)
+    width = grid.width
+    for j in range(height + 1):
+        for i in range(width + 1):
+            w = np.float32(form_at(a, b, c, u, v, top + j, i))
             on_floor = w > np.float32(0.0)
             depth[j, i] = w if on_floor else np.float32(0.0)
             identity[j, i] = FLOOR if on_floor else WALL
-    for j in range(view.height):
-        for i in range(view.width):
+    for j in range(height):
+        for i in range(width):
             edge_depth[j, i] = np.float32(0.0)
 
 
 @inlined
-def row_spans(edges: Array, first: int, end: int, k: int) -> tuple[float, float, float, float]:
-    """Return bounds of a face on line k of the image, and bounds of what it may reach of the pixel row below.
-
-    Of the line, the lower bound is inside the face and the upper one is not.
-    """
-    low, high, left, right = -np.inf, np.inf, -np.inf, np.inf
-    for e in range(first, end):
-        above = edges[e, 3] * k + edges[e, 4]
-        below = above + edges[e, 3]
-        if edges[e, 0] > 0.0:
-            low, left = max(low, above), max(left, min(above, below))
-        elif edges[e, 0] < 0.0:
-            high, right = min(high, above), min(right, max(above, below))
+def first_row(bounds: Array | int, begin: int, end: int, v: float) -> int:
+    """Return the first row from ``begin`` on whose bound, which grows, is not below v, else ``end``."""
+    while begin < end:
+        middle = (begin + end) >> 1
+        if bound_at(bounds, middle) < v:
+            begin = middle + 1
         else:
-            value = edges[e, 1] * k + edges[e, 2]
-            if value < 0.0 or (value == 0.0 and edges[e, 1] < 0.0):
-                high = -np.inf
-            if value + max(edges[e, 1], 0.0) < 0.0:
-                right = -np.inf
-    return low, high, left, right
-
-
-@inlined
-def mark_edges(
-    view: View,
-    edges: Array,
-    inner: NDArray[np.bool_],
-    first: int,
-    end: int,
-    low: float,
-    high: float,
-    a: float,
-    b: float,
-    c: float,
-    nearest: float,
-    k: int,
-    edge_depth: Floats,
-) -> None:
-    """Raise ``edge_depth``, where edges of a face cross pixel row k, to the largest 1 / z of the face there.
-
-    It reaches from low to high in that row; its 1 / z has the form (a, b, c) and is at most ``nearest``.
-    """
-    reach = b * (k + 0.5) + c + 0.5 * (abs(a) + abs(b))
-    for e in range(first, end):
-        if not inner[e]:
-            start, stop = low, high
-            if edges[e, 0] != 0.0:
-                above = edges[e, 3] * k + edges[e, 4]
-                below = above + edges[e, 3]
-                start, stop = max(low, min(above, below)), min(high, max(above, below))
-            elif (edges[e, 1] * k + edges[e, 2]) * (edges[e, 1] * (k + 1) + edges[e, 2]) > 0.0:
-                stop = -np.inf  # a level edge in another row
-            if start <= stop:
-                for i in range(int(np.floor(start)), min(int(np.floor(stop)) + 1, view.x + view.width)):
-                    w = min(a * (i + 0.5) + reach, nearest)
-                    # Rounded to single precision it must not fall below what it bounds.
-                    bound = np.float32(w * 1.000001)
-                    edge_depth[k - view.y, i - view.x] = max(edge_depth[k - view.y, i - view.x], bound)
+            end = middle
+    return begin
 
 
 @inlined
@@ -130,51 +85,118 @@ def is_hidden(depth: Floats, j0: int, j1: int, i0: int, i1: int, nearest: float)
 
 @subroutine
 def cover_corners(
-    view: View, faces: ProjectedFaces, count: int, regions: Indices, corners: Corners, texel: TexelNumbers
+    grid: PixelGrid,
+    top: int,
+    height: int,
+    faces: ProjectedFaces,
+    count: int,
+    regions: Indices,
+    corners: Corners,
+    texel: TexelNumbers,
 ) -> None:
-    """Draw all faces on the pixels' corners and mark the pixels that their edges cross.
+    """Draw all faces on the corners of a band of rows and mark the pixels that their edges cross.
 
-    ``texel`` is memory for the indices of a row's texels.
+    It fills ``faces.spans``. ``texel`` is memory for the indices of a row's texels.
     """
-    depth, identity, edge_depth = corners.depth, corners.identity, corners.edge_depth
-    inverse_depth, edge_start, edges, box = faces.inverse_depth, faces.edge_start, faces.edges, faces.box
-    kind, uv, cells, inner, nearest = faces.kind, faces.uv, faces.cells, faces.inner, faces.nearest
+    depth, identity, edge_depth, u, v = corners.depth, corners.identity, corners.edge_depth, grid.u, grid.v
+    inverse_depth, box, kind, nearest = faces.inverse_depth, faces.box, faces.kind, faces.nearest
+    uv, cells, spans, v_low, v_high = faces.uv, faces.cells, faces.spans, grid.v_low, grid.v_high
+    end_column = grid.width + 1
+    most = 0
     for f in range(count):
-        if box[f, 3] < view.y or box[f, 2] > view.y + view.height:
-            continue
+        most = max(most, faces.edge_start[f + 1] - faces.edge_start[f])
+    forms, marks = np.empty((most, 3)), np.empty(most, np.uint8)
+    # Where steep edges cross a row of corners and the one below it.
+    here, there = np.zeros(most, np.int64), np.zeros(most, np.int64)
+    flat = np.empty(most, np.int64)  # the edges that are looked at corner by corner
+    # Corners and pixels that are outside a flat edge; all zero between rows.
+    outside, apart = np.zeros(end_column, np.uint8), np.zeros(end_column, np.uint8)
+    for f in range(count):
         a, b, c = inverse_depth[f, 0], inverse_depth[f, 1], inverse_depth[f, 2]
-        first, end = edge_start[f], edge_start[f + 1]
         has_cells = (kind[f] & CELLS) != 0
         name = np.int32(f << REGION_BITS)
-        top = int(max(np.floor(box[f, 2]), float(view.y)))
-        bottom = int(min(np.floor(box[f, 3]) + 1.0, float(view.y + view.height)))
-        left = int(max(np.floor(box[f, 0]), float(view.x))) - view.x
-        right = int(min(np.floor(box[f, 1]) + 1.0, float(view.x + view.width))) - view.x
-        if is_hidden(depth, top - view.y, bottom - view.y + 1, left, right + 1, nearest[f]):
+        above, beneath = box[f, 2], box[f, 3]
+        start = max(first_row(v_high, top, top + height, above) - top - 1, 0)
+        spans[f, 0], spans[f, 1] = start, start
+        if bound_at(v_low, top + start) > beneath:
             continue
-        leftmost = max(box[f, 0], float(view.x))
-        rightmost = min(box[f, 1], float(view.x + view.width))
-        for k in range(top, bottom + 1):
-            j = k - view.y
-            low, high, u0, u1 = row_spans(edges, first, end, k)
-            u0, u1 = max(u0, leftmost), min(u1, rightmost)
-            if k < bottom and u0 <= u1:
-                mark_edges(view, edges, inner, first, end, u0, u1, a, b, c, nearest[f], k, edge_depth)
-            if not np.ceil(low) < high:
-                continue
-            row = b * k + c
-            i0 = np.uint32(min(max(np.ceil(low) - view.x, 0.0), view.width + 1.0))
-            i1 = np.uint32(min(max(np.ceil(high) - view.x, 0.0), view.width + 1.0))
+        # The corners of all pixels that the face may touch.
+        stop = min(first_row(v_low, top, top + height + 1, beneath) - top, height)
+        middle, reach = top + ((start + stop) >> 1), grid.shift * (stop - start + 1)
+        left = crossing(u, v, end_column, middle, end_column >> 1, 1.0, 0.0, reach - box[f, 0]) - 1
+        right = crossing(u, v, end_column, middle, left, -1.0, 0.0, reach + box[f, 1]) + 1
+        left, right = max(left, 0), min(right, end_column)
+        spans[f, 1], spans[f, 2], spans[f, 3] = stop, left, right - 1
+        if is_hidden(depth, start, stop + 1, left, right, nearest[f]):
+            continue
+        steep, edges = form_edges(faces, f, grid, forms, marks)
+        for n in range(steep):
+            ea, eb, ec = forms[n, 0], forms[n, 1], forms[n, 2]
+            there[n] = crossing(u, v, end_column, top + start, end_column >> 1, ea, eb, ec)
+        for j in range(start, height + 1):
+            k, below = top + j, top + min(j + 1, height)
+            if bound_at(v_low, k) > beneath:
+                break
+            # Corners from i0 to i1, and pixels from p0 to p1, are inside the steep edges, these in part.
+            i0, i1, p0, p1 = left, right, left, right - 1
+            for n in range(steep):
+                ea, eb, ec = forms[n, 0], forms[n, 1], forms[n, 2]
+                here[n] = there[n]
+                there[n] = crossing(u, v, end_column, below, here[n], ea, eb, ec)
+                if ea > 0.0:
+                    i0, p0 = max(i0, here[n]), max(p0, min(here[n], there[n]) - 1)
+                else:
+                    i1, p1 = min(i1, here[n]), min(p1, max(here[n], there[n]))
+            if j < height and p0 < p1:
+                mark_pixels(
+                    u,
+                    v,
+                    k,
+                    below,
+                    p0,
+                    p1,
+                    v_low,
+                    v_high,
+                    forms,
+                    marks,
+                    steep,
+                    edges,
+                    here,
+                    there,
+                    flat,
+                    apart,
+                    a,
+                    b,
+                    c,
+                    nearest[f],
+                    edge_depth,
+                    j,
+                )
+            flats = 0
+            for n in range(steep, edges):
+                if i0 < i1:
+                    ea, eb, ec = forms[n, 0], forms[n, 1], forms[n, 2]
+                    u0, u1 = column_at(u, k, i0), column_at(u, k, i1 - 1)
+                    side = side_of(ea, eb, ec, u0, u1, bound_at(v_low, k), bound_at(v_high, k))
+                    if side < 0:
+                        i1 = i0
+                    elif side == 0:
+                        flats += 1
+                        for i in range(np.uint32(i0), np.uint32(i1)):
+                            outside[i] |= np.uint8(form_at(ea, eb, ec, u, v, k, i) < 0.0)
             if has_cells:
-                write_cell_indices(view, uv, cells, f, a, row, k, i0, i1, texel)
-                for i in range(i0, i1):
-                    w = np.float32(a * (view.x + i) + row)
-                    if w > depth[j, i]:
+                write_cell_indices(u, v, uv, cells, f, a, b, c, k, i0, i1, texel)
+                for i in range(np.uint32(i0), np.uint32(i1)):
+                    w = np.float32(form_at(a, b, c, u, v, k, i))
+                    if outside[i] == 0 and w > depth[j, i]:
                         depth[j, i] = w
                         identity[j, i] = name | regions[texel[i]]
             else:
-                for i in range(i0, i1):
-                    w = np.float32(a * (view.x + i) + row)
-                    if w > depth[j, i]:
+                for i in range(np.uint32(i0), np.uint32(i1)):
+                    w = np.float32(form_at(a, b, c, u, v, k, i))
+                    if outside[i] == 0 and w > depth[j, i]:
                         depth[j, i] = w
                         identity[j, i] = name
+            if flats > 0:
+                for i in range(end_column):
+                    outside[i] = 0
