@@ -19,9 +19,9 @@ from msrr_control.staging.setup import AssemblySetup
 from msrr_control.tracks.route_params import RouteParams
 from msrr_perception.detection.detector import scene_detector
 from msrr_perception.detection.overhead_vision import OverheadVision
-from msrr_perception.estimation.arena_tracker import ArenaTracker
-from msrr_perception.estimation.body_track import SeenPoses
 from msrr_perception.pose.overhead_model import OverheadModel
+from msrr_perception.tracking.arena_tracker import ArenaTracker
+from msrr_perception.tracking.body_track import SeenPoses
 from msrr_scenes.checks.problems import dotted
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2

@@ -18,7 +18,7 @@ from msrr_perception.estimation.calibration_errors import EstimatedCalibrationEr
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.estimator import ESTIMATORS, Estimator
 from msrr_perception.estimation.los import LosEstimator
-from msrr_perception.estimation.motion_noise import DEFAULT_NOISE, MotionNoise
+from msrr_perception.motion.motion_noise import DEFAULT_NOISE, MotionNoise
 from msrr_perception.photographs.picture_files import PictureError
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.pinhole import Window

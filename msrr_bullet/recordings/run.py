@@ -37,7 +37,7 @@ from msrr_bullet.timeline.camera_views import docking_views
 from msrr_bullet.timeline.log_snapshots import read_events, read_snapshots
 from msrr_bullet.trial.versions import trial_versions
 from msrr_bullet.viewer.replay_page import write_replay
-from msrr_perception.estimation.motion_noise import MotionNoise
+from msrr_perception.motion.motion_noise import MotionNoise
 from msrr_perception.photographs.picture_files import FILMS, PICTURES
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from msrr_perception.estimation.body_track import SeenPoses
+from msrr_perception.tracking.body_track import SeenPoses
 from msrr_scenes.messages import (
     Action,
     ArenaEstimate,

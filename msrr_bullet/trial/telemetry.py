@@ -14,7 +14,7 @@ from msrr_bullet.timeline.camera_views import CameraViewCollector, CameraViewer
 from msrr_bullet.timeline.snapshot import Viewer
 from msrr_bullet.timeline.snapshot_builder import SnapshotBuilder
 from msrr_bullet.trial.docking_step import DockingStep
-from msrr_perception.estimation.global_estimator import pose_in_dock_frame
+from msrr_perception.tracking.global_estimator import pose_in_dock_frame
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, Exposure, Phase, Pixels, seconds

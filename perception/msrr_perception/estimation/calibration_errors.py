@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_perception.estimation.calibration_memory import CalibrationEstimate
+from msrr_perception.motion.filter_state import CalibrationEstimate
 from msrr_perception.pose.calibration import Quantity, StateLayout
 
 #: Number of standard deviations from which a tolerance does not allow an error. One of the 39 errors of a

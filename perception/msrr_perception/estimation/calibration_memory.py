@@ -2,38 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
-
-from msrr_scenes.arrays import Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CalibrationEstimate:
-    """An estimate of everything in the state of a filter but the pose.
-
-    Attributes:
-        mean: Means, shape (m,): relative errors of wheel radii and track, then the errors of calibration.
-        covariance: Their covariance, shape (m, m).
-        shared: Indices of those that do not depend on the target: of the unit's own wheels and camera.
-    """
-
-    mean: Array
-    covariance: Array
-    shared: NDArray[np.int64]
-
-    def of_another_target(self, prior: CalibrationEstimate) -> CalibrationEstimate:
-        """Return what is left for a target of which nothing is known but its drawing.
-
-        Args:
-            prior: Estimate for that target from the drawing alone.
-        """
-        mean, covariance = prior.mean.copy(), prior.covariance.copy()
-        mean[prior.shared] = self.mean[self.shared]
-        covariance[np.ix_(prior.shared, prior.shared)] = self.covariance[np.ix_(self.shared, self.shared)]
-        return CalibrationEstimate(mean, covariance, prior.shared)
+from msrr_perception.motion.filter_state import CalibrationEstimate
 
 
 class CalibrationMemory:

@@ -15,8 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from msrr_perception.estimation.motion import FilterState
 from msrr_perception.kernels.rates import Rates
+from msrr_perception.motion.filter_state import FilterState
 from msrr_perception.pose.corner_fit import deviation, odds
 
 #: Largest standard deviation of the clock in a part [s].

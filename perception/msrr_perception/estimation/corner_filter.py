@@ -15,15 +15,15 @@ from dataclasses import replace
 import numpy as np
 
 from msrr_perception.estimation.calibration_errors import EstimatedCalibrationError, calibration_errors
-from msrr_perception.estimation.calibration_memory import CalibrationEstimate
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.dock_frame import in_seat
 from msrr_perception.estimation.filter_step import FilterStep
 from msrr_perception.estimation.hypotheses import mixed
 from msrr_perception.estimation.measurement_history import Measurement, MeasurementHistory
-from msrr_perception.estimation.motion import DriveMotion, FilterState
-from msrr_perception.estimation.motion_noise import DEFAULT_NOISE, MotionNoise
-from msrr_perception.estimation.wheel_history import WheelHistory
+from msrr_perception.motion.drive_motion import DriveMotion
+from msrr_perception.motion.filter_state import CalibrationEstimate, FilterState
+from msrr_perception.motion.motion_noise import DEFAULT_NOISE, MotionNoise
+from msrr_perception.motion.wheel_history import WheelHistory
 from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
 from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise
 from msrr_perception.pose.target import TargetModel
@@ -97,7 +97,7 @@ class CornerEkf:
             reset_after: Number of exposures in a row with nothing inside the gate after which it starts anew.
             horizon_s: Largest delay of a measurement that still counts [s].
             start_inflation: Factor on the covariance of what a first state is computed from.
-            slip: ``slip`` of :class:`msrr_perception.estimation.motion_noise.MotionNoise`.
+            slip: ``slip`` of :class:`msrr_perception.motion.motion_noise.MotionNoise`.
             motion: Random motion that the encoders do not measure, with a tilt of ``tilt_sigma_deg``; None
                 takes that of a unit near a port with ``slip``.
 

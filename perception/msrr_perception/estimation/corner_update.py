@@ -11,17 +11,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from msrr_perception.estimation.calibration_memory import CalibrationEstimate
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.estimation.clock_parts import by_parts, in_doubt
 from msrr_perception.estimation.first_fit import FirstFit, StartingState
 from msrr_perception.estimation.measurement_history import Measurement
-from msrr_perception.estimation.motion import FilterState
 from msrr_perception.kernels.calibrated import EDGE
 from msrr_perception.kernels.corners import Seen, derivatives
 from msrr_perception.kernels.rates import AT_REST, Rates, moved
 from msrr_perception.kernels.section_errors import DataSheet
 from msrr_perception.kernels.update import Rules, update
+from msrr_perception.motion.filter_state import CalibrationEstimate, FilterState
 from msrr_perception.pose.calibration import POSE_SIZE
 from msrr_perception.pose.corner_fit import fit_corners, measured_corners
 from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from msrr_perception.estimation.motion import FilterState
 from msrr_perception.kernels.dock_frame import pose_by_marker
+from msrr_perception.motion.filter_state import FilterState
 from msrr_perception.pose.calibration import StateLayout
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array

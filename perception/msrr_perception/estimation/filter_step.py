@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from msrr_perception.estimation.calibration_memory import CalibrationEstimate
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.hypotheses import likeliest
 from msrr_perception.estimation.measurement_history import Measurement
-from msrr_perception.estimation.motion import DriveMotion, FilterState
 from msrr_perception.estimation.wheel_doubt import doubts_wheels
-from msrr_perception.estimation.wheel_history import WheelHistory
 from msrr_perception.kernels.rates import AT_REST
+from msrr_perception.motion.drive_motion import DriveMotion
+from msrr_perception.motion.filter_state import CalibrationEstimate, FilterState
+from msrr_perception.motion.wheel_history import WheelHistory
 from msrr_scenes.messages import Detections, ExposureCounts
 
 #: Standard deviation of a place that tells nothing, as after wheel readings of another unit [m]. Beyond a

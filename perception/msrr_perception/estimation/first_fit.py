@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msrr_perception.estimation.calibration_memory import CalibrationEstimate
 from msrr_perception.kernels.corners import Seen, roots_of_covariance
 from msrr_perception.kernels.rates import AT_REST
 from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
+from msrr_perception.motion.filter_state import CalibrationEstimate
 from msrr_perception.pose.calibration import POSE_SIZE
 from msrr_perception.pose.corner_fit import (
     CornerFit,

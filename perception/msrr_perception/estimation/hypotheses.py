@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from msrr_perception.estimation.motion import FilterState
+from msrr_perception.motion.filter_state import FilterState
 from msrr_perception.pose.corner_fit import is_same_pose, odds
 from msrr_scenes.arrays import frozen
 from msrr_scenes.messages import PoseEstimate

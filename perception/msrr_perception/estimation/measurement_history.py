@@ -6,7 +6,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from msrr_perception.estimation.motion import FilterState
+from msrr_perception.motion.filter_state import FilterState
 from msrr_scenes.messages import Detections, PoseMeasurement
 
 Measurement = Detections | PoseMeasurement

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from msrr_perception.estimation.measurement_history import Measurement
-from msrr_perception.estimation.motion import FilterState
+from msrr_perception.motion.filter_state import FilterState
 from msrr_scenes.messages import NS_PER_S, Detections
 
 #: Number of measurements in a row outside the gate from which on the wheels are doubted, and time for which

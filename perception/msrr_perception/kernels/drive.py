@@ -1,4 +1,4 @@
-"""Motion of the filter's state along encoder readings; see :mod:`msrr_perception.estimation.motion`."""
+"""Motion of the filter's state along encoder readings; see :mod:`msrr_perception.motion.drive_motion`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motion of a body that drives as a unit does; see :mod:`msrr_perception.estimation.body_track`."""
+"""Motion of a body that drives as a unit does; see :mod:`msrr_perception.tracking.body_track`."""
 
 from __future__ import annotations
 

@@ -24,10 +24,10 @@ from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.detection.overhead_vision import OverheadVision
-from msrr_perception.estimation.global_estimator import GlobalEstimator
 from msrr_perception.pose.global_pose import overhead_pose
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
+from msrr_perception.tracking.global_estimator import GlobalEstimator
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import OVERHEAD, ArenaEstimate, Detections, Twist
 from msrr_scenes.placement.placement import draw_placement

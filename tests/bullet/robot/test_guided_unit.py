@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from msrr_bullet.robot.guided_unit import GuidedUnit
-from msrr_perception.estimation.body_track import SeenPose, SeenPoses
+from msrr_perception.tracking.body_track import SeenPose, SeenPoses
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose, Twist
 from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg, UnitMode

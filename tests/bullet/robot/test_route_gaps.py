@@ -13,8 +13,8 @@ from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.staging.parameters import AssemblyParams
 from msrr_control.staging.setup import AssemblySetup
 from msrr_control.tracks.track import GAP_M
-from msrr_perception.estimation.arena_tracker import ArenaTracker
 from msrr_perception.pose.overhead_model import OverheadModel
+from msrr_perception.tracking.arena_tracker import ArenaTracker
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import ArenaEstimate, GlobalPose, MonitorState, ObstacleEstimate, Twist

@@ -10,8 +10,9 @@ import pytest
 
 from msrr_bullet.log import MemoryRecorder
 from msrr_bullet.trial.trial import Trial
-from msrr_perception.estimation.calibration_memory import CalibrationEstimate, CalibrationMemory
+from msrr_perception.estimation.calibration_memory import CalibrationMemory
 from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.motion.filter_state import CalibrationEstimate
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from msrr_perception.estimation.calibration_errors import calibration_errors
-from msrr_perception.estimation.calibration_memory import CalibrationEstimate
 from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.motion.filter_state import CalibrationEstimate
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.specs.scene import Scene
 

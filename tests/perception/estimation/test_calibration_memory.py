@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msrr_perception.estimation.calibration_memory import CalibrationEstimate, CalibrationMemory
+from msrr_perception.estimation.calibration_memory import CalibrationMemory
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.dock_frame import pose_in_D
-from msrr_perception.estimation.motion import FilterState
+from msrr_perception.motion.filter_state import CalibrationEstimate, FilterState
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, PoseMeasurement

@@ -19,8 +19,8 @@ from scipy.stats import chi2
 from msrr_bullet.sensors.wheel_encoders import WheelEncoders
 from msrr_perception.estimation.clock_parts import by_parts
 from msrr_perception.estimation.corner_filter import CornerEkf
-from msrr_perception.estimation.motion import FilterState
 from msrr_perception.kernels.calibrated import CLOCK
+from msrr_perception.motion.filter_state import FilterState
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, PoseMeasurement, TagDetection, WheelOdometry

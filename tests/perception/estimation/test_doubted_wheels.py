@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from msrr_perception.estimation.corner_filter import CornerEkf
-from msrr_perception.estimation.motion import FilterState
 from msrr_perception.estimation.wheel_doubt import doubts_wheels
+from msrr_perception.motion.filter_state import FilterState
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene

@@ -12,7 +12,7 @@ import pytest
 
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.hypotheses import likeliest
-from msrr_perception.estimation.motion import FilterState
+from msrr_perception.motion.filter_state import FilterState
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, ExposureCounts, PoseEstimate, TagDetection

@@ -11,10 +11,10 @@ import pytest
 from scipy.stats import chi2
 
 from msrr_perception.estimation.corner_update import CornerUpdate
-from msrr_perception.estimation.motion import FilterState
 from msrr_perception.kernels.corners import MeasuredCorners, Seen, derivatives, roots_of_covariance
 from msrr_perception.kernels.rates import AT_REST, Rates
 from msrr_perception.kernels.section_errors import CornerVariances
+from msrr_perception.motion.filter_state import FilterState
 from msrr_perception.pose.corner_errors import surplus
 from msrr_perception.pose.joint_pose import CornerNoise
 from msrr_perception.pose.target import TargetModel

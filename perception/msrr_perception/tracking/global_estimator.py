@@ -13,12 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from msrr_perception.estimation.arena_tracker import ArenaTracker
-from msrr_perception.estimation.body_track import SeenPose, SeenPoses, StandstillDetector
 from msrr_perception.estimation.corner_filter import CornerEkf
-from msrr_perception.estimation.motion_noise import MotionNoise
+from msrr_perception.motion.motion_noise import MotionNoise
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
+from msrr_perception.tracking.arena_tracker import ArenaTracker
+from msrr_perception.tracking.body_track import SeenPose, SeenPoses, StandstillDetector
 from msrr_scenes.arrays import frozen
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (

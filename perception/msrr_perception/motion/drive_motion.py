@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from msrr_perception.estimation.calibration_memory import CalibrationEstimate
-from msrr_perception.estimation.motion_noise import MotionNoise
-from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
 from msrr_perception.kernels.dock_frame import predict
 from msrr_perception.kernels.drive import Drive, propagate
 from msrr_perception.kernels.rates import ABOUT_S, AT_REST, Rates, rates_by_wheels
+from msrr_perception.motion.filter_state import CalibrationEstimate, FilterState
+from msrr_perception.motion.motion_noise import MotionNoise
+from msrr_perception.motion.wheel_history import WheelAngles, WheelHistory
 from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
 from msrr_perception.pose.target import YAW, TargetModel
 from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import NS_PER_S, ExposureCounts, PoseEstimate, seconds
+from msrr_scenes.messages import NS_PER_S, PoseEstimate, seconds
 from msrr_scenes.specs.sensors import OdometrySpec
 
 #: Smallest standard deviation of a relative radius error, whatever the scene says of its encoders, and of a
@@ -35,45 +35,6 @@ _STRAINED_M, _STRAINED_RAD = 2.0, 1.0
 
 #: Way between two measurements [m]: the strain puts its direction off, by another angle for each of them.
 _STEP_M = 0.025
-
-_NO_EXPOSURES = ExposureCounts()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FilterState:
-    """The state of the filter at one instant.
-
-    Attributes:
-        stamp_ns: Time of the state.
-        mean: Mean, shape (n,): x, y, yaw of U in D, if the marker of the port is as designed [m, rad],
-            pitch and roll of the pair [rad], relative errors of both radii and of the track, and the errors
-            of calibration of the filter's layout.
-        covariance: Covariance of the mean, shape (n, n).
-        wheels: Encoder angles up to which motion is accounted for; None while no reading is known.
-        last_seen_ns: Exposure time of the last measurement that passed the gate.
-        rejected: Number of exposures in a row of which nothing passed the gate.
-        noise_scale: Variance of the corners, as their residuals show it, over that by the data sheet.
-        told_ns: Time until which the last measurement rests on what the wheels did [ns].
-        doubted_ns: Exposure time of the last measurement that agrees only if what the wheels tell is doubted;
-            None if each agrees with it.
-        exposures: What became of the exposures up to this state.
-        cost: Minus twice the logarithm of the likelihood of its measurements; only how that differs between
-            rivals means something.
-        rivals: Other states that may be the right one instead; they have no rivals themselves.
-    """
-
-    stamp_ns: int
-    mean: Array
-    covariance: Array
-    wheels: WheelAngles | None
-    last_seen_ns: int
-    rejected: int = 0
-    noise_scale: float = 1.0
-    told_ns: int = 0
-    doubted_ns: int | None = None
-    exposures: ExposureCounts = _NO_EXPOSURES
-    cost: float = 0.0
-    rivals: tuple[FilterState, ...] = ()
 
 
 class DriveMotion:

@@ -9,10 +9,11 @@ from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from msrr_perception.estimation.dock_frame import pose_in_D
-from msrr_perception.estimation.motion import DriveMotion, FilterState
-from msrr_perception.estimation.motion_noise import DEFAULT_NOISE, MotionNoise
-from msrr_perception.estimation.wheel_history import WheelHistory
 from msrr_perception.kernels.calibrated import CLOCK
+from msrr_perception.motion.drive_motion import DriveMotion
+from msrr_perception.motion.filter_state import FilterState
+from msrr_perception.motion.motion_noise import DEFAULT_NOISE, MotionNoise
+from msrr_perception.motion.wheel_history import WheelHistory
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import WheelOdometry

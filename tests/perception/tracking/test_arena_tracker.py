@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from msrr_perception.estimation.arena_tracker import ArenaTracker
-from msrr_perception.estimation.body_track import SeenPose
 from msrr_perception.pose.overhead_model import OverheadModel
+from msrr_perception.tracking.arena_tracker import ArenaTracker
+from msrr_perception.tracking.body_track import SeenPose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose
 from msrr_scenes.specs.scene import Scene

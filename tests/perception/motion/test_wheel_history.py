@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from msrr_perception.estimation.wheel_history import WheelAngles, WheelHistory
+from msrr_perception.motion.wheel_history import WheelAngles, WheelHistory
 from msrr_scenes.messages import WheelOdometry
 
 MS = 1_000_000
