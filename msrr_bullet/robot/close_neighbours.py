@@ -95,6 +95,4 @@ class CloseNeighbours:
 
 def _turned(body: GlobalPose, X_DW: SE2) -> GlobalPose:
     """Return a body in D where it is seen in W."""
-    c, s = math.cos(X_DW.yaw), math.sin(X_DW.yaw)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return GlobalPose(body.name, body.stamp_ns, X_DW @ body.X_WB, turn @ body.relative @ turn.T)
+    return GlobalPose(body.name, body.stamp_ns, X_DW @ body.X_WB, X_DW.rotate_covariance(body.relative))

@@ -184,9 +184,7 @@ class GlobalLocalizer:
         strained = _MISFIT_STRAINS * self._strain * (seen.corners - seen.corners.mean(axis=0))
         if float((misfit**2).sum()) > 4.0 * _MISFIT_PX**2 + float((strained**2).sum()):
             return None
-        c, s = math.cos(X_WB.yaw), math.sin(X_WB.yaw)
-        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        covariance = turn @ self._covariance_B[tag.name] @ turn.T
+        covariance = X_WB.rotate_covariance(self._covariance_B[tag.name])
         more = float(surplus(seen.corner_sigma_px, self._modelled[tag.name]).mean())
         if more > 0.0:
             covariance *= 1.0 + more / self._modelled[tag.name]

@@ -201,9 +201,7 @@ def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstima
     X_WU = X_WD @ by_sight.X_DU
     x, y = X_WU.x - target.X_WB.x, X_WU.y - target.X_WB.y
     by_target = np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
-    c, s = math.cos(X_WD.yaw), math.sin(X_WD.yaw)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    covariance = by_target @ target.covariance @ by_target.T + turn @ by_sight.covariance @ turn.T
+    covariance = by_target @ target.covariance @ by_target.T + X_WD.rotate_covariance(by_sight.covariance)
     shared = None if target.shared is None else frozen(by_target @ target.shared @ by_target.T)
     return GlobalPose(name, by_sight.stamp_ns, X_WU, frozen(covariance), shared)
 

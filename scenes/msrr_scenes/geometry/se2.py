@@ -76,6 +76,13 @@ class SE2:
             [self.x + c * p[..., 0] - s * p[..., 1], self.y + s * p[..., 0] + c * p[..., 1]], axis=-1
         )
 
+    def rotate_covariance(self, covariance: Array) -> Array:
+        """Return a covariance of (x, y, yaw) along the axes of frame B along those of frame A, (3, 3)."""
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        rotated: Array = turn @ covariance @ turn.T
+        return rotated
+
     @property
     def translation(self) -> Array:
         """Position, shape (2,) [m]."""

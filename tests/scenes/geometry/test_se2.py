@@ -86,3 +86,10 @@ def test_wrapped_angles_lie_in_the_half_open_interval(angle: float) -> None:
     assert SE2(0.0, 0.0, angle).yaw == wrapped
     assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-9)
     assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-9)
+
+
+def test_a_covariance_is_rotated_as_the_errors_are() -> None:
+    quarter = SE2(5.0, -3.0, math.pi / 2.0)
+    error_B, error_A = np.array([0.2, 0.1, 0.3]), np.array([-0.1, 0.2, 0.3])
+    covariance = quarter.rotate_covariance(np.outer(error_B, error_B))
+    np.testing.assert_allclose(covariance, np.outer(error_A, error_A), atol=1e-15)
