@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_perception.mapping.bundle import Bundle, Sightings
+from msrr_perception.mapping.bundle import NEAREST_M, Bundle, Sightings
 from msrr_perception.pose.square_poses import square_poses
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.lens import Lens
@@ -24,9 +24,6 @@ from msrr_scenes.geometry.unit_geometry import tag_corners
 #: Distance of a corner from where it was detected above which it counts as much as at this distance [px]: it
 #: tells that something is wrong, and no longer how much.
 _FAR_PX = 20.0
-
-#: Least depth of a corner that a camera can have seen [m].
-_NEAREST_M = 0.01
 
 #: Rotation from which on a pose is another one of the two that a tag allows, and not a better one [rad].
 _OTHER_RAD = math.radians(8.0)
@@ -163,18 +160,26 @@ class _Guess:
     def other_tag_pose(self, tag: int) -> Array | None:
         """Return the best of the poses of a tag that differ from its own, (4, 4), if it is near."""
         which = self._of_tag[tag]
-        views = self.views[self._seen.view[which]]
-        allowed = (np.linalg.inv(views)[:, np.newaxis] @ self._X_CT[which]).reshape(-1, 4, 4)
+        views, allowed = self._allowed_of_tag(which)
         others = allowed[_turned(allowed, self.tags[tag])]
         return self._least(others, self._error(views @ others[:, np.newaxis], which))
 
     def other_view_pose(self, view: int) -> Array | None:
         """Return the best of the poses of a view that differ from its own, (4, 4), if it is near."""
         which = self._of_view[view]
-        tags = self.tags[self._seen.tag[which]]
-        allowed = (self._X_CT[which] @ np.linalg.inv(tags)[:, np.newaxis]).reshape(-1, 4, 4)
+        tags, allowed = self._allowed_of_view(which)
         others = allowed[_turned(allowed, self.views[view])]
         return self._least(others, self._error(others[:, np.newaxis] @ tags, which))
+
+    def _allowed_of_tag(self, which: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Return the views of n sightings of a tag, (n, 4, 4), and the poses X_MT that they allow."""
+        views = self.views[self._seen.view[which]]
+        return views, (np.linalg.inv(views)[:, np.newaxis] @ self._X_CT[which]).reshape(-1, 4, 4)
+
+    def _allowed_of_view(self, which: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Return the tags of n sightings in a view, (n, 4, 4), and the poses X_CM that they allow."""
+        tags = self.tags[self._seen.tag[which]]
+        return tags, (self._X_CT[which] @ np.linalg.inv(tags)[:, np.newaxis]).reshape(-1, 4, 4)
 
     def _least(self, poses: Array, errors: Array) -> Array | None:
         """Return the pose with the least of the errors, shape (K, n), if all of its tags are near."""
@@ -188,8 +193,7 @@ class _Guess:
 
     def _place_view(self, view: int) -> None:
         which = self._of_view[view][self._placed_tag[self._seen.tag[self._of_view[view]]]]
-        tags = self.tags[self._seen.tag[which]]
-        allowed = (self._X_CT[which] @ np.linalg.inv(tags)[:, np.newaxis]).reshape(-1, 4, 4)
+        tags, allowed = self._allowed_of_view(which)
         best = self._best_view(np.concatenate([self.views[view, np.newaxis], allowed]), which)
         corners_M = (self._square @ tags.swapaxes(1, 2))[..., :3].reshape(-1, 3)
         corners = self._ideal[which].reshape(-1, 2)
@@ -204,8 +208,7 @@ class _Guess:
 
     def _place_tag(self, tag: int) -> None:
         which = self._of_tag[tag][self._placed_view[self._seen.view[self._of_tag[tag]]]]
-        views = self.views[self._seen.view[which]]
-        allowed = (np.linalg.inv(views)[:, np.newaxis] @ self._X_CT[which]).reshape(-1, 4, 4)
+        views, allowed = self._allowed_of_tag(which)
         X_MT = np.concatenate([self.tags[tag, np.newaxis], allowed]) if self._placed_tag[tag] else allowed
         errors = self._error(views @ X_MT[:, np.newaxis], which).sum(axis=1)
         self.tags[tag], self._placed_tag[tag] = X_MT[errors.argmin()], True
@@ -213,7 +216,7 @@ class _Guess:
     def _error(self, X_CT: Array, which: NDArray[np.intp]) -> Array:
         """Return how far off tags at poses, shape (..., n, 4, 4), would be seen, shape (..., n) [px]."""
         corners_C = (self._square @ X_CT.swapaxes(-1, -2))[..., :3]
-        behind = corners_C[..., 2] < _NEAREST_M
+        behind = corners_C[..., 2] < NEAREST_M
         corners_C[behind] = [0.0, 0.0, 1.0]
         distance = np.linalg.norm(self._lens.camera.project(corners_C) - self._ideal[which], axis=-1)
         error: Array = np.where(behind, _FAR_PX, np.minimum(distance, _FAR_PX)).sum(axis=-1)
