@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from copy import deepcopy
 from operator import attrgetter
 from typing import Any, TypeVar, cast
@@ -164,15 +164,20 @@ def build(kind: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fix
     return cast(T, Guarded(kind, choice.name, built, {**table.methods, **table.optional}))
 
 
-def out_of_range(ranges: Mapping[str, tuple[float, float]], values: Mapping[str, object]) -> str | None:
+def out_of_range(
+    ranges: Mapping[str, tuple[float, float]], values: Mapping[str, object], optional: Collection[str] = ()
+) -> str | None:
     """Return what is wrong with the first parameter that is no number of its range; None if all are.
 
     Args:
         ranges: Lowest and highest value of each parameter.
         values: The parameters, others included.
+        optional: Names of parameters that may be None.
     """
     for name, (low, high) in ranges.items():
         value = values[name]
+        if value is None and name in optional:
+            continue
         if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
             shown = repr(value)[:40]
             return f"{name} has to be a number from {low:g} to {high:g}, found {shown}"

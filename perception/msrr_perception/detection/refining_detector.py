@@ -47,12 +47,8 @@ def check_ranges(parameters: Mapping[str, object], *optional: str) -> None:
     Raises:
         DetectorError: A parameter is out of its range.
     """
-    given = [
-        name
-        for name, value in parameters.items()
-        if name in _RANGES and not (value is None and name in optional)
-    ]
-    wrong = out_of_range({name: _RANGES[name] for name in given}, parameters)
+    ranges = {name: _RANGES[name] for name in parameters if name in _RANGES}
+    wrong = out_of_range(ranges, parameters, optional)
     if wrong is not None:
         raise DetectorError(wrong)
 

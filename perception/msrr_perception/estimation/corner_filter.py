@@ -25,7 +25,6 @@ from msrr_perception.motion.filter_state import CalibrationEstimate, FilterState
 from msrr_perception.motion.motion_noise import DEFAULT_NOISE, MotionNoise
 from msrr_perception.motion.wheel_history import WheelHistory
 from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
-from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
@@ -104,9 +103,7 @@ class CornerEkf:
         Raises:
             SceneError: A parameter is out of its range.
         """
-        values = locals()
-        optional = {"corner_sigma_px"} if corner_sigma_px is None else set()
-        wrong = out_of_range({k: r for k, r in _RANGES.items() if k not in optional}, values)
+        wrong = out_of_range(_RANGES, locals(), optional=("corner_sigma_px",))
         if wrong is not None:
             raise SceneError(f"corner_ekf: {wrong}")
         if motion is not None and not isinstance(motion, MotionNoise):
@@ -114,15 +111,11 @@ class CornerEkf:
         self.target = target
         self.delay_compensation = delay_compensation
         tilt_sigma = math.radians(tilt_sigma_deg)
-        noise = CornerNoise(corner_sigma_px or DEFAULT_CORNER_NOISE.corner_sigma_px, tilt_sigma)
-        self._motion = DriveMotion(
-            target,
-            odometry,
-            replace(motion or MotionNoise(slip=slip), tilt_sigma=tilt_sigma),
-        )
+        motion_noise = replace(motion or MotionNoise(slip=slip), tilt_sigma=tilt_sigma)
+        self._motion = DriveMotion(target, odometry, motion_noise)
         self._horizon_ns = round(horizon_s * NS_PER_S)
         self._wheels = WheelHistory()
-        update = CornerUpdate(target, noise, corner_sigma_px, gate_probability, start_inflation)
+        update = CornerUpdate(target, corner_sigma_px, tilt_sigma, gate_probability, start_inflation)
         self._step = FilterStep(self._motion, update, self._wheels, reset_after)
         self.reset()
 

@@ -22,7 +22,7 @@ from msrr_perception.kernels.section_errors import DataSheet
 from msrr_perception.kernels.update import Rules, update
 from msrr_perception.motion.filter_state import CalibrationEstimate, FilterState
 from msrr_perception.pose.calibration import POSE_SIZE
-from msrr_perception.pose.corner_fit import fit_corners, measured_corners
+from msrr_perception.pose.corner_fit import deviation, fit_corners, measured_corners
 from msrr_perception.pose.joint_pose import DEFAULT_CORNER_NOISE, CornerNoise
 from msrr_perception.pose.target import YAW, TargetModel, pose_vector
 from msrr_scenes.arrays import Array
@@ -41,8 +41,8 @@ class CornerUpdate:
     def __init__(
         self,
         target: TargetModel,
-        noise: CornerNoise,
         corner_sigma_px: float | None,
+        tilt_sigma: float,
         gate_probability: float,
         start_inflation: float,
     ) -> None:
@@ -50,9 +50,9 @@ class CornerUpdate:
 
         Args:
             target: Camera, map of the tags, and tolerances.
-            noise: Errors of corners and floor from which a first pose is computed.
             corner_sigma_px: Standard deviation of each corner coordinate [px]; None goes by the data sheet of
                 the camera and the size of the tag in the image.
+            tilt_sigma: Standard deviation of pitch and roll of the pair [rad].
             gate_probability: Share of good tags that pass the gate.
             start_inflation: Factor on the covariance of what a first state is computed from.
         """
@@ -60,12 +60,13 @@ class CornerUpdate:
         self._clock = self._layout.clock
         errors = target.corner_errors
         self._sheet = DataSheet(errors.noise_grey, errors.blur_px, errors.contrast, corner_sigma_px or 0.0)
-        self._noise = noise
+        self._tilt_sigma = tilt_sigma
         self._shown = self._layout.size if self._layout.marker is None else self._layout.marker
         edges = self._layout.tags.columns[:, EDGE] - self._layout.first
         self._no_pixels = sorted({int(column) for column in edges if column >= 0})
         self._gate_probability = gate_probability
         self._inflation = start_inflation
+        noise = CornerNoise(corner_sigma_px or DEFAULT_CORNER_NOISE.corner_sigma_px, tilt_sigma)
         self._first = FirstFit(target, self._sheet, noise, start_inflation)
 
     def start(self, measurement: Measurement, known: CalibrationEstimate) -> list[StartingState]:
@@ -106,7 +107,7 @@ class CornerUpdate:
         A[:, first : first + k] = by_errors
         measured = np.zeros((POSE_SIZE, POSE_SIZE))
         measured[:3, :3] = self._inflation * measurement.covariance
-        measured[3:, 3:] = self._noise.tilt_sigma**2 * np.eye(2)
+        measured[3:, 3:] = self._tilt_sigma**2 * np.eye(2)
         AQ = A @ known.covariance
         covariance = np.block([[measured + AQ @ A.T, AQ], [AQ.T, known.covariance]])
         return StartingState(np.concatenate([pose + A @ known.mean, known.mean]), covariance)
@@ -122,15 +123,14 @@ class CornerUpdate:
         late = float(prior.mean[self._clock]) if self._clock is not None else 0.0
         way, velocity = np.empty(3), np.empty(3)
         moved(rates, -late, way, velocity)
-        innovation = measurement.X_DU.as_array() - way - late * velocity - H @ prior.mean
-        innovation[2] = math.remainder(innovation[2], 2.0 * math.pi)
+        innovation = deviation(measurement.X_DU.as_array() - way - late * velocity, H @ prior.mean)
         S = H @ P @ H.T + measurement.covariance
         distance = float(innovation @ np.linalg.solve(S, innovation))
         if distance > self._gate(3):
             return None
         gain = np.linalg.solve(S, H @ P).T
         mean = prior.mean + gain @ innovation
-        mean[2] = math.remainder(mean[2], 2.0 * math.pi)
+        mean[YAW] = math.remainder(mean[YAW], 2.0 * math.pi)
         left = np.eye(n) - gain @ H
         # Joseph's form keeps the covariance positive definite whatever the gain's rounding.
         covariance = left @ P @ left.T + gain @ measurement.covariance @ gain.T
@@ -211,34 +211,23 @@ class CornerUpdate:
         assumes and not by that of this filter, but without errors of the edges in an image. The tilt is not
         measured with it.
         """
+        first, noise = self._layout.first, DEFAULT_CORNER_NOISE
         if self._layout.roof is not None:
             return _by_roof(float(state[YAW]))
-        noise = DEFAULT_CORNER_NOISE
+        if self._shown == first:
+            return np.zeros((POSE_SIZE, 0))
         which = np.array([self._layout.index[i] for i in self._target.port_tags], dtype=np.int64)
         roots = np.tile(noise.corner_sigma_px * np.eye(8), (len(which), 1, 1))
         none = np.zeros(len(which))
         seen = Seen(which, np.zeros((len(which), 8)), np.zeros((len(which), 4)), none, roots, rates)
-        by_errors = self._by_errors(state, seen, noise.tilt_sigma)
-        by_errors[:, self._no_pixels] = 0.0
-        by_errors[3:] = 0.0
-        return by_errors
-
-    def _by_errors(self, state: Array, seen: Seen, tilt_sigma: float) -> Array:
-        """Return what each error of calibration adds to the true pose where one is fitted, shape (5, k).
-
-        Args:
-            state: State, shape (n,).
-            seen: Corners, with the variances by which the fit weighs them.
-            tilt_sigma: Standard deviation of pitch and roll in the fit [rad].
-        """
-        first = self._layout.first
-        if self._shown == first:
-            return np.zeros((5, 0))
         _, J = derivatives(self._target.optics, self._layout.tags, seen, state)
         information = J[:, :5].T @ J[:, :5]
         # The tilt is hardly determined by corners; its prior bounds what errors can make of it.
-        information[range(3, 5), range(3, 5)] += tilt_sigma**-2
-        return np.asarray(-np.linalg.solve(information, J[:, :5].T @ J[:, first : self._shown]))
+        information[range(3, 5), range(3, 5)] += noise.tilt_sigma**-2
+        by_errors = -np.linalg.solve(information, J[:, :5].T @ J[:, first : self._shown])
+        by_errors[:, self._no_pixels] = 0.0
+        by_errors[3:] = 0.0
+        return np.asarray(by_errors)
 
 
 def _by_roof(yaw: float) -> Array:

@@ -12,8 +12,9 @@ from scipy.stats import chi2
 
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.kernels.corners import MeasuredCorners, Seen, derivatives, roots_of_covariance
+from msrr_perception.kernels.edges import reach_px
 from msrr_perception.kernels.rates import AT_REST, Rates
-from msrr_perception.kernels.section_errors import CornerVariances
+from msrr_perception.kernels.section_errors import CornerVariances, border_px, sampling_px
 from msrr_perception.motion.filter_state import FilterState
 from msrr_perception.pose.corner_errors import surplus
 from msrr_perception.pose.joint_pose import CornerNoise
@@ -31,10 +32,11 @@ def _variances(target: TargetModel, tags: list[TagDetection], scale: float) -> C
     for tag in tags:
         (ax, ay), (bx, by), (cx, cy), (dx, dy) = tag.corners
         edge = np.sqrt(0.5 * abs((cx - ax) * (dy - by) - (cy - ay) * (dx - bx)))
+        by_place, by_border = (of(errors.blur_px, reach_px(edge)) for of in (sampling_px, border_px))
         noise.append(scale * errors.frame_px(edge) ** 2)
-        place.append(scale * errors.sampling_px(edge) ** 2)
-        changing.append(scale * 0.6 * errors.border_px(edge) ** 2)
-        border.append(np.sqrt(0.4) * errors.border_px(edge))
+        place.append(scale * by_place**2)
+        changing.append(scale * 0.6 * by_border**2)
+        border.append(np.sqrt(0.4) * by_border)
         modelled = scale * errors.corner_variance(edge)
         rest.append(scale * 0.005**2 + surplus(tag.corner_sigma_px, modelled))
     return CornerVariances(*map(np.array, (noise, place, changing, border, rest)))
@@ -103,7 +105,7 @@ def test_the_update_is_that_of_plain_numpy(scene: Scene, see: See, grade: str, r
     given = {"as_built": grade, "cameras": {"onboard": {"rolling_shutter_ms": readout_ms}}}
     built = Scene.model_validate({**scene.model_dump(exclude=set(given)), **given})
     target = TargetModel.from_scene(built.told(), built.docks[0])
-    update = CornerUpdate(target, CornerNoise(), None, GATE, 2.0)
+    update = CornerUpdate(target, None, CornerNoise().tilt_sigma, GATE, 2.0)
     rng, compared, gated = np.random.default_rng(5), 0, 0
     for case in range(40):
         prior = _prior(target, rng)
@@ -136,7 +138,7 @@ def test_the_update_is_that_of_plain_numpy(scene: Scene, see: See, grade: str, r
 def test_where_a_step_does_not_descend_the_fit_is_damped(scene: Scene, see: See) -> None:
     """A unit that hardly knows where it is sees three tags: without damping the steps overshoot."""
     target = TargetModel.from_scene(scene, scene.docks[0])
-    update = CornerUpdate(target, CornerNoise(), None, GATE, 2.0)
+    update = CornerUpdate(target, None, CornerNoise().tilt_sigma, GATE, 2.0)
     layout, X = target.filter_layout, np.array([-0.6, 0.05, 0.05, 0.0, 0.0])
     mean = np.zeros(layout.size)
     mean[:3] = X[:3] + np.array([-0.3, 0.1, 0.0])
