@@ -52,12 +52,9 @@ def calibration_errors(
         learned: What the filter has learned.
     """
     tolerances, sigmas = (np.sqrt(np.diag(known.covariance)).tolist() for known in (prior, learned))
-    found, known = (
-        list[EstimatedCalibrationError](),
-        zip(tolerances, learned.mean.tolist(), sigmas, strict=True),
+    rows = zip(layout.quantities, tolerances, learned.mean.tolist(), sigmas, strict=True)
+    return tuple(
+        EstimatedCalibrationError(what, what.scale * tolerance, what.scale * error, what.scale * sigma)
+        for what, tolerance, error, sigma in rows
+        if what is not None
     )
-    for quantity, (tolerance, error, sigma) in zip(layout.quantities, known, strict=True):
-        if quantity is not None:
-            scale = quantity.scale
-            found.append(EstimatedCalibrationError(quantity, scale * tolerance, scale * error, scale * sigma))
-    return tuple(found)

@@ -103,7 +103,9 @@ def _prediction(
 ) -> PoseEstimate | None:
     """Return the pose of a class of a user's own, whose times are not far ahead of the instant asked for."""
     pose = _pose(result)
-    for name in ("stamp_ns", "last_seen_ns") if pose is not None else ():
+    if pose is None:
+        return None
+    for name in ("stamp_ns", "last_seen_ns"):
         ahead_ns = getattr(pose, name) - asked_ns
         if ahead_ns > _AHEAD_NS:
             raise ValueError(

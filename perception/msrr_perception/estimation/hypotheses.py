@@ -8,14 +8,13 @@ sum filter (Alspach and Sorenson, "Nonlinear Bayesian estimation using Gaussian 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from msrr_perception.motion.filter_state import FilterState
-from msrr_perception.pose.corner_fit import is_same_pose, odds
+from msrr_perception.pose.corner_fit import deviation, is_same_pose, odds
 from msrr_scenes.arrays import frozen
 from msrr_scenes.messages import PoseEstimate
 
@@ -47,7 +46,6 @@ def mixed(poses: Sequence[PoseEstimate], costs: Sequence[float]) -> PoseEstimate
     best = poses[0]
     covariance = np.zeros((3, 3))
     for pose, share in zip(poses, odds(costs).tolist(), strict=True):
-        off = pose.X_DU.as_array() - best.X_DU.as_array()
-        off[2] = math.remainder(off[2], 2.0 * math.pi)
+        off = deviation(pose.X_DU.as_array(), best.X_DU.as_array())
         covariance += share * (pose.covariance + np.outer(off, off))
     return replace(best, covariance=frozen(covariance))

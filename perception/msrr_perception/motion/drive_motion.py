@@ -149,18 +149,7 @@ class DriveMotion:
         mean, P = state.mean.copy(), state.covariance.copy()
         propagate(mean, P, steps, self._packed_drive)
         self._add_of_wheels(mean, P, self._between_readings(history, state.stamp_ns, stamp_ns))
-        return FilterState(
-            stamp_ns,
-            mean,
-            P,
-            wheels,
-            state.last_seen_ns,
-            state.rejected,
-            state.noise_scale,
-            doubted_ns=state.doubted_ns,
-            exposures=state.exposures,
-            cost=state.cost,
-        )
+        return replace(state, stamp_ns=stamp_ns, mean=mean, covariance=P, wheels=wheels, told_ns=0, rivals=())
 
     def to_measurement(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
         """Return the state moved forward to a measurement at ``stamp_ns``, with what encoders do not resolve.

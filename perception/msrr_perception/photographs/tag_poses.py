@@ -121,10 +121,10 @@ def _residuals(seen: _Corners, R: Array, t: Array) -> tuple[Array, Array]:
     residuals = seen.ideal - seen.camera.project(p)
     J = np.empty((4, 2, 6))
     f = seen.camera.focal / p[:, 2]
-    for row, axis in ((0, 0), (1, 1)):
+    for axis in (0, 1):
         by_p = np.zeros((4, 3))
         by_p[:, axis] = f
         by_p[:, 2] = -f * p[:, axis] / p[:, 2]
-        J[:, row, :3] = np.cross(turned, by_p)
-        J[:, row, 3:] = by_p
+        J[:, axis, :3] = np.cross(turned, by_p)
+        J[:, axis, 3:] = by_p
     return (seen.slopes @ residuals[..., np.newaxis]).ravel(), (seen.slopes @ J).reshape(8, 6)

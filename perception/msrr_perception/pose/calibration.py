@@ -44,6 +44,9 @@ _ON_FLOOR = (0, 1, 5)
 #: faster the camera is.
 _LASTING_FRAMES = 25.0
 
+#: Standard deviation of the distance by which all edges of tags look farther out than they are [px]; no
+#: drawing has it.
+_EDGE_PX = 0.005
 
 #: Least standard deviation of an entry, so that a covariance can be inverted: far below any that matters.
 _LEAST_SIGMA = 1e-6
@@ -66,7 +69,6 @@ class Tolerances:
         centre: Principal point, column and row [px].
         k1: Coefficient of the radial distortion.
         clock_s: Time by which the camera's clock is ahead [s].
-        edge_px: Distance by which all edges of tags look farther out than they are [px]; no drawing has it.
         printed: Relative error of the size of the tags, which all come from one printer.
         bracket: Mount of the marker of a port, as ``camera``, in the dock frame.
         tag: Mount of every tag, as ``camera``, in its own frame.
@@ -79,7 +81,6 @@ class Tolerances:
     centre: tuple[float, float] = (0.0, 0.0)
     k1: float = 0.0
     clock_s: float = 0.0
-    edge_px: float = 0.005
     printed: float = 0.0
     bracket: tuple[float, ...] = (0.0,) * 6
     tag: tuple[float, ...] = (0.0,) * 6
@@ -111,7 +112,7 @@ class Tolerances:
         """Return the standard deviations of all parameters on which the image of a tag depends."""
         out = np.zeros(PARAMETERS)
         out[CAMERA : CAMERA + 6], out[FOCAL], out[CENTRE : CENTRE + 2] = self.camera, self.focal, self.centre
-        out[K1], out[CLOCK], out[EDGE], out[PRINT] = self.k1, self.clock_s, self.edge_px, self.printed
+        out[K1], out[CLOCK], out[EDGE], out[PRINT] = self.k1, self.clock_s, _EDGE_PX, self.printed
         out[BRACKET : BRACKET + 6], out[TAG : TAG + 6] = self.bracket, self.tag
         out[BORDER:] = 1.0
         return out

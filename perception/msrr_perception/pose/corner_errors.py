@@ -64,25 +64,8 @@ class CornerErrors:
         Args:
             edge_px: Length of the edges of the tag in the image [px].
         """
-        return math.hypot(self.sampling_px(edge_px), self.border_px(edge_px))
-
-    def sampling_px(self, edge_px: float) -> float:
-        """Return the standard deviation of a cross section by where the edge lies between pixels [px].
-
-        Args:
-            edge_px: Length of the edges of the tag in the image [px].
-        """
-        return sampling_px(self.blur_px, reach_px(edge_px))
-
-    def border_px(self, edge_px: float) -> float:
-        """Return the standard deviation of a cross section by what lies beyond the borders of the tag [px].
-
-        It is the same wherever the edge lies in the image.
-
-        Args:
-            edge_px: Length of the edges of the tag in the image [px].
-        """
-        return border_px(self.blur_px, reach_px(edge_px))
+        reach = reach_px(edge_px)
+        return math.hypot(sampling_px(self.blur_px, reach), border_px(self.blur_px, reach))
 
     def corner_variance(self, edge_px: float) -> float:
         """Return the variance of each coordinate of a corner in one frame [px^2].

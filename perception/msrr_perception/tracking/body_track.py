@@ -14,6 +14,7 @@ import numpy as np
 
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.kernels.track import coast, fuse
+from msrr_perception.pose.corner_fit import deviation
 from msrr_perception.pose.overhead_errors import PoseErrors
 from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.geometry.se2 import SE2
@@ -117,8 +118,7 @@ class SeenPose:
 
     def is_at_place_of(self, other: SeenPose) -> bool:
         """Return whether both measurements are of one place, as far as their errors tell."""
-        apart = self.pose.X_WB.as_array() - other.pose.X_WB.as_array()
-        apart[2] = math.remainder(apart[2], 2.0 * math.pi)
+        apart = deviation(self.pose.X_WB.as_array(), other.pose.X_WB.as_array())
         S = self.pose.covariance + other.pose.covariance
         return float(apart @ np.linalg.solve(S, apart)) <= chi_squared_quantile(_SAME_PLACE, 3)
 

@@ -52,7 +52,7 @@ def test_the_corners_move_as_the_lines_through_the_edges_intersect(yaw: float) -
 def test_each_coordinate_of_a_corner_has_the_variance_that_its_edges_give_it(yaw: float) -> None:
     """Noise of the frame and what lasts are independent, so that their variances add up."""
     errors, moved = CornerErrors(3.0, 0.8), corners_by_sections(square(42.0, yaw))
-    by_sections = errors.frame_px(42.0) ** 2 + errors.sampling_px(42.0) ** 2 + errors.border_px(42.0) ** 2
+    by_sections = errors.frame_px(42.0) ** 2 + errors.lasting_px(42.0) ** 2
     np.testing.assert_allclose(np.diag(moved @ moved.T) * by_sections, errors.corner_variance(42.0))
 
 
