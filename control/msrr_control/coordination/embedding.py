@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_control.path_following.path import PaceSpec
+from msrr_control.planning.free_space import Bounds
 from msrr_control.shapes.precedence import Lanes
 from msrr_control.shapes.shape import Shape
 from msrr_control.tracks.route_finder import STANDS_THERE_M
@@ -100,7 +101,7 @@ def place_costs(units: Array, places: Array, travel: Travel) -> Array:
     return travel.times(units[:, None], before[..., None, :, :])
 
 
-def fits(shape: Shape, lanes: Lanes, box: tuple[float, float, float, float]) -> bool:
+def fits(shape: Shape, lanes: Lanes, box: Bounds) -> bool:
     """Return whether a shape and the lanes to it fit into an empty arena, on the grid of the root's poses.
 
     Args:
@@ -116,7 +117,7 @@ def embedding(
     shape: Shape,
     units: Mapping[str, SE2],
     lanes: Lanes,
-    box: tuple[float, float, float, float],
+    box: Bounds,
     travel: Travel,
     *,
     named: bool = False,
@@ -174,12 +175,12 @@ def embedding(
     return Embedding(SE2(*roots[k].tolist()), {shape.places[p].name: names[u] for u, p in pairs}, score)
 
 
-def _shrunk(box: tuple[float, float, float, float], slack: float) -> tuple[float, float, float, float]:
+def _shrunk(box: Bounds, slack: float) -> Bounds:
     x0, x1, y0, y1 = box
     return x0 + slack, x1 - slack, y0 + slack, y1 - slack
 
 
-def _root_candidates(poses: Array, box: tuple[float, float, float, float]) -> Array:
+def _root_candidates(poses: Array, box: Bounds) -> Array:
     """Return the poses of the root that are tried, shape (C, 3): a grid, and where units stand."""
     x0, x1, y0, y1 = box
     headings = np.arange(_HEADINGS) * 2.0 * math.pi / _HEADINGS - math.pi
@@ -211,7 +212,7 @@ def _places(shape: Shape, roots: Array, lanes: Lanes) -> Array:
 def _fit(
     places: Array,
     lanes: Lanes,
-    box: tuple[float, float, float, float],
+    box: Bounds,
     keep_out: Sequence[tuple[float, float, float]],
 ) -> NDArray[np.bool_]:
     """Return which candidates have all places and lanes inside the box and clear of what will not move."""

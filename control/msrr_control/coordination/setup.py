@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from msrr_control.coordination.embedding import Travel
+from msrr_control.planning.free_space import Bounds
 from msrr_control.planning.route import ARENA_BORDER
 from msrr_control.shapes.bodies import Body
 from msrr_control.shapes.precedence import Lanes
@@ -34,7 +35,7 @@ class CoordinationSetup:
         cls,
         geometry: UnitGeometry,
         params: RouteParams,
-        box: tuple[float, float, float, float],
+        box: Bounds,
         retreat_m: float = 0.5,
         border: str = ARENA_BORDER,
         distance_error: float = 0.0,

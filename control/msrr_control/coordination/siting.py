@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from msrr_control.coordination.embedding import embedding
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission
 from msrr_control.coordination.setup import CoordinationSetup
+from msrr_control.planning.free_space import EVERYWHERE
 from msrr_control.shapes.precedence import Lanes
 from msrr_control.shapes.reconfiguration import (
     Reconfiguration,
@@ -138,7 +138,7 @@ def check_shapes(mission: Mission, lanes: Lanes) -> None:
                     )
                 check_names(units, list(goal))
             places = (dict.fromkeys(ports.values(), "") for ports in (form, goal))
-            Reconfiguration(lanes, SE2(), (-math.inf, math.inf, -math.inf, math.inf)).hops(*places)
+            Reconfiguration(lanes, SE2(), EVERYWHERE).hops(*places)
         if stage.named:
             units = list(goal)
         form, stage = goal, stage.then

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.planning.free_space import Bounds
 from msrr_control.shapes.precedence import Lanes
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
@@ -19,7 +20,7 @@ WAITING_ROOM_M, _GRID_M = 0.36, 0.25
 
 def waiting_places(
     lanes: Lanes,
-    box: tuple[float, float, float, float],
+    box: Bounds,
     docked: Iterable[SE2],
     others: Iterable[UnitRecord],
     obstacles: Iterable[ObstacleEstimate],

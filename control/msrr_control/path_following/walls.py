@@ -15,6 +15,12 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.specs.spec import Distance, Length, Spec
 
+#: Distance between the points of a path at which its distance from an obstacle is compared [m].
+_SPACING_M = 0.02
+
+#: Largest distance of a wall from an obstacle, over the distance before it at which the wall rises.
+_STEEPEST = 0.6
+
 
 class PassageError(MsrrError):
     """No wall can lead around an obstacle; the message says what would have to change."""
@@ -46,10 +52,10 @@ class WallSpec(Spec):
 
     @model_validator(mode="after")
     def _has_room(self) -> WallSpec:
-        if self.widest_m > 0.6 * self.ahead_m:
+        if self.widest_m > _STEEPEST * self.ahead_m:
             raise ValueError(
                 f"widest_m = {self.widest_m:g} cannot be reached from ahead_m = {self.ahead_m:g} before the "
-                f"obstacle; at most {0.6 * self.ahead_m:.2f}"
+                f"obstacle; at most {_STEEPEST * self.ahead_m:.2f}"
             )
         return self
 
@@ -107,7 +113,7 @@ def find_encounter(path: Path, centre: Array, half_width: Array, spec: WallSpec)
         half_width: d, distance of the wall from that middle, shape (...) [m].
         spec: When walls stand.
     """
-    count = 1 + int(np.ceil(float(np.max(path.length)) / 0.02))
+    count = 1 + int(np.ceil(float(np.max(path.length)) / _SPACING_M))
     share = np.linspace(0.0, 1.0, count).reshape(-1, *(1,) * path.length.ndim)
     s = share * path.length
     points = path.at(s)

@@ -12,6 +12,12 @@ from numpy.typing import NDArray
 
 from msrr_scenes.arrays import Array
 
+#: Bounds in the plane: x low, x high, y low, y high [m].
+Bounds = tuple[float, float, float, float]
+
+#: The whole plane.
+EVERYWHERE: Bounds = (-math.inf, math.inf, -math.inf, math.inf)
+
 #: Depth by which a path may enter a disc [m]; it allows for rounding where a path touches a circle.
 _SLACK = 1e-3
 
@@ -41,7 +47,7 @@ class FreeSpace:
         discs: Discs to keep out of.
     """
 
-    box: tuple[float, float, float, float]
+    box: Bounds
     discs: tuple[Disc, ...]
 
     @cached_property

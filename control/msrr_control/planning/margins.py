@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from msrr_control.path_following.walls import WallSpec
-from msrr_control.planning.free_space import Disc, FreeSpace
+from msrr_control.planning.free_space import Bounds, Disc, FreeSpace
 from msrr_control.planning.route import ArenaMap, RouteSpec
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
@@ -28,7 +28,7 @@ class Margins:
         self,
         spec: RouteSpec,
         walls: WallSpec,
-        box: tuple[float, float, float, float],
+        box: Bounds,
         offset: float,
         body_half_width: float,
     ) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 from msrr_control.path_following.obstacle_forces import Obstacles
 from msrr_control.path_following.reference import SideWall
 from msrr_control.path_following.walls import Encounter, side_wall
-from msrr_control.planning.free_space import Disc, FreeSpace
+from msrr_control.planning.free_space import EVERYWHERE, Disc, FreeSpace
+from msrr_control.planning.margins import SPACING_M
 from msrr_control.planning.route import ArenaMap, Route
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_scenes.arrays import Array
@@ -100,9 +101,8 @@ class RouteMonitor:
 
     def _is_in_the_way(self, unit: Disc, arena: ArenaMap, s: float) -> bool:
         """Return whether another unit stands on the rest of the path."""
-        stations, points = self.route.path.sample(0.04)
-        everywhere = (-math.inf, math.inf, -math.inf, math.inf)
-        space = FreeSpace(everywhere, (self._planner.margins.unit_disc(unit),))
+        stations, points = self.route.path.sample(SPACING_M)
+        space = FreeSpace(EVERYWHERE, (self._planner.margins.unit_disc(unit),))
         return space.opened_at(arena.X_WU.x, arena.X_WU.y).deepest_disc(points[stations >= s]) is not None
 
     def wall(self, arena: ArenaMap, tip: Array, s: float) -> tuple[SideWall, str | None]:

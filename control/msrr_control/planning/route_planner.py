@@ -10,7 +10,7 @@ import numpy as np
 
 from msrr_control.path_following.path import PaceSpec, Path
 from msrr_control.path_following.walls import Encounter, WallSpec, find_encounter
-from msrr_control.planning.free_space import Disc, FreeSpace
+from msrr_control.planning.free_space import Bounds, Disc, FreeSpace
 from msrr_control.planning.margins import SPACING_M, Margins
 from msrr_control.planning.route import ARENA_BORDER, ArenaMap, Route, RouteSpec
 from msrr_control.planning.tangents import Goal, shortest_path
@@ -20,6 +20,18 @@ from msrr_scenes.messages import ObstacleEstimate
 
 #: Curvature below which the circle to the docking axis is a line [1/m]; but for rounding, both end alike.
 _LEAST_CURVATURE = 1e-9
+
+#: Time that an obstacle on the path costs, beyond that of the way [s].
+_PASSING_S = 1.0
+
+#: Distance beyond a wall at which the way beside an obstacle has to be free [m].
+_BESIDE_WALL_M = 0.02
+
+#: Distance from a place to turn up to which a unit stands there already [m].
+_THERE_M = 0.1
+
+#: Number of points by which a line is checked for being free.
+_POINTS = 40
 
 
 class RoutePlanner:
@@ -41,7 +53,7 @@ class RoutePlanner:
         spec: RouteSpec,
         walls: WallSpec,
         pace: PaceSpec,
-        box: tuple[float, float, float, float],
+        box: Bounds,
         offset: float,
         body_half_width: float,
         border: str = ARENA_BORDER,
@@ -100,7 +112,7 @@ class RoutePlanner:
         place = self.spec.handover(arena.X_WD).translation
         for points, where in (
             (place[None], f"on {end}"),
-            (np.linspace(arena.X_WU.translation, place, 40), f"on the line to {end}"),
+            (np.linspace(arena.X_WU.translation, place, _POINTS), f"on the line to {end}"),
         ):
             disc = space.deepest_disc(points)
             if disc is not None and (not alone or disc.name in alone):
@@ -153,7 +165,7 @@ class RoutePlanner:
         forward = np.array([math.cos(heading), math.sin(heading)])
         outward = side * np.array([-forward[1], forward[0]])
         along = np.linspace(-0.5 * self.walls.ahead_m, 2.0 * self.walls.release_m(self.offset), 12)
-        lane = centre + (half_width + 0.02) * outward + along[:, None] * forward
+        lane = centre + (half_width + _BESIDE_WALL_M) * outward + along[:, None] * forward
         others = [self.margins.obstacle_disc(o) for o in arena.obstacles if o.name != name]
         return self.margins.free_space(arena, others).allows(lane)
 
@@ -220,8 +232,8 @@ class RoutePlanner:
         end = self.spec.handover(arena.X_WD)
         for distance in self.spec.stage_m:
             X_WP = end @ SE2(-distance - self.offset, 0.0, 0.0)
-            remaining = np.linspace(X_WP.translation, end.translation, 40)
-            is_there = math.hypot(X_WP.x - arena.X_WU.x, X_WP.y - arena.X_WU.y) < 0.1
+            remaining = np.linspace(X_WP.translation, end.translation, _POINTS)
+            is_there = math.hypot(X_WP.x - arena.X_WU.x, X_WP.y - arena.X_WU.y) < _THERE_M
             if is_there or not space.allows(remaining):
                 continue
             # The axle is to stop at P, so the path of the controlled point is longer by l.
@@ -251,7 +263,7 @@ class RoutePlanner:
         """Return the route along a path, with ``seconds_after`` from the path's end to the port."""
         sides = sides or {}
         turn = abs(wrap_angle(float(path.start[2]) - arena.X_WU.yaw)) / self.spec.turn_radps
-        seconds = turn + self._travel_time(float(path.length)) + 1.0 * len(sides) + seconds_after
+        seconds = turn + self._travel_time(float(path.length)) + _PASSING_S * len(sides) + seconds_after
         return Route(path, shape, MappingProxyType(sides), seconds)
 
     def _travel_time(self, length: float) -> float:

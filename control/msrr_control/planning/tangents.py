@@ -17,6 +17,10 @@ _TURN = 2.0 * math.pi
 _LONGEST_ARC = 1.5 * math.pi
 
 
+#: Distance between the points by which an arc is checked for being free [m].
+_SPACING_M = 0.03
+
+
 class Goal(NamedTuple):
     """The end of a path.
 
@@ -157,7 +161,7 @@ def _arc_is_free(space: FreeSpace | None, circle: _Circle, line: _Line, angle: f
     """Return whether an arc of that angle, entered from ``line``, is free in the space near its circle."""
     if space is None:
         return True
-    count = 2 + int(circle.radius * angle / 0.03)
+    count = 2 + int(circle.radius * angle / _SPACING_M)
     headings = line.heading + circle.turn * np.linspace(0.0, angle, count)
     reach = circle.turn * circle.radius
     points = np.stack([circle.x + reach * np.sin(headings), circle.y - reach * np.cos(headings)], axis=-1)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msrr_control.planning.free_space import Bounds
 from msrr_control.shapes.least_hops import Form, Ports, least_hops
 from msrr_control.shapes.precedence import Lanes
 from msrr_control.shapes.shape import LEAST_GAP_M, Shape
@@ -88,7 +89,7 @@ def check_names(units: Sequence[str], named: Sequence[str]) -> None:
 class Reconfiguration:
     """Searches the hops that turn one assembly into another, with its root where it stands."""
 
-    def __init__(self, lanes: Lanes, X_WR: SE2, box: tuple[float, float, float, float]) -> None:
+    def __init__(self, lanes: Lanes, X_WR: SE2, box: Bounds) -> None:
         """Bind the search to the root's pose and to the space around it.
 
         Args:
@@ -223,7 +224,7 @@ def reconfiguration_tasks(
     shape: Shape,
     lanes: Lanes,
     X_WR: SE2,
-    box: tuple[float, float, float, float],
+    box: Bounds,
     named: bool = False,
 ) -> list[Task]:
     """Return the tasks that turn an assembly into a shape; its root stays where it is.

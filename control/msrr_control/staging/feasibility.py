@@ -6,7 +6,7 @@ import math
 
 from msrr_control.docking.controller import build_controller, promised_speed
 from msrr_control.docking.law import DockSetup
-from msrr_control.planning.free_space import Disc, FreeSpace
+from msrr_control.planning.free_space import EVERYWHERE, Disc, FreeSpace
 from msrr_control.staging.registry import route_params
 from msrr_control.staging.setup import AssemblySetup
 from msrr_scenes.errors import SceneError
@@ -125,7 +125,7 @@ def _check_end(
         )
     for disc in bodies:
         room = disc.radius + setup.half_width - spread
-        space = FreeSpace((-math.inf, math.inf, -math.inf, math.inf), (disc._replace(radius=room),))
+        space = FreeSpace(EVERYWHERE, (disc._replace(radius=room),))
         if room > 0.0 and not space.allows(end.translation[None]):
             raise SceneError(
                 f"{where}: {disc.name} stands on the place in front of {step.to}, ({end.x:z.2f}, "

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from msrr_control.planning.free_space import Disc
+from msrr_control.planning.free_space import Bounds, Disc
 from msrr_control.planning.route import ARENA_BORDER, ArenaMap
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
@@ -21,9 +21,6 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 #: Error of the distance between two bodies for which the margins of the routes have room [m]: robots that are
 #: built with care know it to 10 to 13 mm (two standard deviations).
 _EXPECTED_ERROR_M = 0.015
-
-#: Bounds in the plane: x low, x high, y low, y high [m].
-Bounds = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from itertools import takewhile
 import numpy as np
 
 from msrr_control.path_following.path import Path
-from msrr_control.planning.free_space import Disc
+from msrr_control.planning.free_space import Bounds, Disc
 from msrr_control.planning.lane import in_lane
 from msrr_control.planning.route import ARENA_BORDER, ArenaMap
 from msrr_control.planning.route_planner import RoutePlanner
@@ -52,7 +52,7 @@ class RouteFinder:
         self,
         body: Body,
         params: RouteParams,
-        box: tuple[float, float, float, float],
+        box: Bounds,
         border: str = ARENA_BORDER,
     ) -> None:
         """Bind the finder to what does not change.
