@@ -137,14 +137,7 @@ class Dispatcher:
             return False
         self._order += 1
         self._interlock.forget(unit.name)
-        unit.state, unit.route, unit.order, unit.track = (
-            UnitState.UNDER_WAY,
-            unit.route + 1,
-            self._order,
-            track,
-        )
-        unit.limit, unit.progress, unit.patient_ns, unit.granted_ns = -1.0, 0.0, now_ns, now_ns
-        unit.enters, unit.unlocks, unit.reason = enters, unit.holder is not None, ""
+        unit.set_out(track, enters, self._order, now_ns)
         return True
 
     def _request(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None) -> RouteRequest:

@@ -177,6 +177,12 @@ class UnitRecord:
             self.moved_ns = self.patient_ns = now_ns
         self.progress = max(self.progress, progress)
 
+    def set_out(self, track: Track, enters: tuple[str, str] | None, order: int, now_ns: int) -> None:
+        """Begin a route, on which the unit may not drive yet."""
+        self.state, self.route, self.order, self.track = UnitState.UNDER_WAY, self.route + 1, order, track
+        self.limit, self.progress, self.patient_ns, self.granted_ns = -1.0, 0.0, now_ns, now_ns
+        self.enters, self.unlocks, self.reason = enters, self.holder is not None, ""
+
     def stand(self, now_ns: int, reason: str, state: UnitState | None = None) -> None:
         """End the route of a unit that stands still, idle or docked unless another state is given."""
         if self.track is not None and self.seen_ns < self.moved_ns:

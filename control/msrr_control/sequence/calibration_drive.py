@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from msrr_control.docking.retreat import retreat_twist
+from msrr_control.kinematics.elementwise import limit
 from msrr_control.sequence.context import DockingContext
 from msrr_control.sequence.tuning import CalibrationDriveSpec
 from msrr_scenes.geometry.se2 import wrap_angle
@@ -32,10 +32,8 @@ def calibration_twist(c: DockingContext, spec: CalibrationDriveSpec) -> Twist | 
     while memory.leg <= len(spec.headings_deg):
         off = wrap_angle(math.radians(spec.headings_deg[memory.leg - 1]) - view.yaw)
         if abs(off) > math.radians(spec.heading_tolerance_deg):
-            w = min(max(spec.turn_per_s * off, -spec.turn_radps), spec.turn_radps)
-            return Twist(0.0, w)
+            return Twist(0.0, limit(spec.turn_per_s * off, -spec.turn_radps, spec.turn_radps))
         memory.leg += 1
     if view.gap >= spec.far_m - spec.arrived_m:
         return None
-    v, w = retreat_twist(pose.X_DU.as_array(), spec.far_m, c.tuning.retreat, c.setup)
-    return Twist(float(v), float(w))
+    return c.backing_out(pose, spec.far_m)

@@ -8,11 +8,12 @@ from dataclasses import dataclass, field, replace
 
 from msrr_control.docking.controller import ControlInputs, Controller
 from msrr_control.docking.law import DockSetup
+from msrr_control.docking.retreat import retreat_twist
 from msrr_control.sequence.observation import Assembler, Observation
 from msrr_control.sequence.port_view import PortView
 from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import Belief, FailureReason, Phase, PoseEstimate, seconds
+from msrr_scenes.messages import Belief, FailureReason, Phase, PoseEstimate, Twist, seconds
 from msrr_scenes.specs.control import DockingSpec
 
 #: Standard deviations of the side by which the next attempt aims elsewhere after pins have jammed.
@@ -260,6 +261,11 @@ class DockingContext:
         before_holes = self.gap > self.setup.pin_reach - self.tuning.contact_m
         elsewhere = self.aim.stopped if before_holes else self.aim.jammed
         elsewhere(max(_ASIDE * self.memory.sigma_lateral, rim), to_left)
+
+    def backing_out(self, pose: PoseEstimate, distance: float) -> Twist:
+        """Return the command that backs the unit out to a distance between the faces [m]."""
+        v, w = retreat_twist(pose.X_DU.as_array(), distance, self.tuning.retreat, self.setup)
+        return Twist(float(v), float(w))
 
     def control_inputs(self, pose: PoseEstimate) -> ControlInputs:
         """Return what the controller is given at this instant."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 
 from msrr_control.docking.controller import promised_speed
-from msrr_control.docking.retreat import retreat_twist
 from msrr_control.sequence.calibration_drive import calibration_twist
 from msrr_control.sequence.context import DockingContext, Transition
 from msrr_control.sequence.evidence import (
@@ -229,8 +228,7 @@ def retreat(c: DockingContext) -> Twist | Transition:
         return STILL
     if pose is None:
         return Twist(-tuning.retreat.speed_mps, 0.0)
-    v, w = retreat_twist(pose.X_DU.as_array(), c.spec.retreat_m, tuning.retreat, c.setup)
-    return Twist(float(v), float(w))
+    return c.backing_out(pose, c.spec.retreat_m)
 
 
 def rest(c: DockingContext) -> Twist | Transition:

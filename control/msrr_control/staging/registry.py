@@ -24,19 +24,6 @@ from msrr_scenes.messages import AssemblyPath, AssemblyProgress, FailureReason, 
 from msrr_scenes.registry import ExtensionPoint, build
 from msrr_scenes.specs.spec import Choice
 
-
-def c1(setup: AssemblySetup, **params: Any) -> Assembler:
-    """Build the paper's long-distance phase C1."""
-    checked, law = _law("c1", setup, params)
-    return LongDistanceAssembler(checked, setup, law)
-
-
-def c2(setup: AssemblySetup, **params: Any) -> Assembler:
-    """Build the long-distance phase of C2, our reading of the paper's comparison."""
-    checked, law = _law("c2", setup, params)
-    return LongDistanceAssembler(checked, setup, law)
-
-
 #: Parameters and law of the assemblers that are registered by name.
 _LAWS: Mapping[str, tuple[type[RouteFollowingParams], Callable[..., PathFollowingLaw[Any]]]] = {
     "c1": (AssemblyParams, C1PathFollowingLaw),
@@ -50,6 +37,16 @@ def _law(
     kind, law = _LAWS[name]
     checked = read_params(f"assembler {name!r}", kind, params)
     return checked, law(checked, setup.limits, setup.offset)
+
+
+def _assembler(name: str) -> Callable[..., Assembler]:
+    """Return what builds the registered assembler of that name."""
+
+    def build_it(setup: AssemblySetup, **params: Any) -> Assembler:
+        checked, law = _law(name, setup, params)
+        return LongDistanceAssembler(checked, setup, law)
+
+    return build_it
 
 
 def build_guided(choice: Choice, setup: AssemblySetup, reaction_s: float) -> GuidedAssembler[Any]:
@@ -123,9 +120,10 @@ def _report(kind: type[AssemblyProgress] | type[AssemblyPath]) -> Check:
     return check
 
 
-#: The long-distance phases by the names that a scene gives them.
+#: The long-distance phases by the names that a scene gives them: the paper's C1, and C2, our reading of its
+#: comparison.
 ASSEMBLERS: ExtensionPoint[Assembler] = ExtensionPoint(
-    {"c1": c1, "c2": c2},
+    {name: _assembler(name) for name in _LAWS},
     methods={"reset": no_result, "step": _decision},
     optional={"progress": _report(AssemblyProgress), "path": _report(AssemblyPath)},
 )
