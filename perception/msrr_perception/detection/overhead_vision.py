@@ -51,6 +51,7 @@ _LARGEST_OFFSET_PX = 40.0
 #: Largest motion of the corners of a tag whose body stands [px].
 _STILL_PX = 0.5
 
+#: Standard deviations of corners that a search has found in this exposure [px].
 _EXACT = np.zeros((4, 2))
 
 

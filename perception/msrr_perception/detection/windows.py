@@ -21,6 +21,7 @@ from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import PoseEstimate
 from msrr_scenes.specs.tag_families import TAG36H11, TagFamily
 
+#: Edge of the tiles of the detector's threshold [px].
 _TILE = 4
 
 #: Factor on a window's margins when it is read a second time.

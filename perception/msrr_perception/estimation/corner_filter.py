@@ -165,15 +165,15 @@ class CornerEkf:
         if state is None:
             return None
         moved = self._advance_head(state, stamp_ns) if state is self._history.newest else state
-        return self._pose(moved, state.rivals, stamp_ns)
+        return self._pose(moved, state.alternatives, stamp_ns)
 
-    def _pose(self, state: FilterState, rivals: Sequence[FilterState], stamp_ns: int) -> PoseEstimate:
-        """Return the pose of a state at an instant, with a covariance that holds those of its rivals."""
+    def _pose(self, state: FilterState, alternatives: Sequence[FilterState], stamp_ns: int) -> PoseEstimate:
+        """Return the pose of a state at an instant, with a covariance that covers its alternatives."""
         pose = self._motion.predict(state, self._wheels, stamp_ns)
-        if not rivals:
+        if not alternatives:
             return pose
-        others = [self._motion.predict(rival, self._wheels, stamp_ns) for rival in rivals]
-        return mixed([pose, *others], [0.0, *(rival.cost for rival in rivals)])
+        others = [self._motion.predict(other, self._wheels, stamp_ns) for other in alternatives]
+        return mixed([pose, *others], [0.0, *(other.cost for other in alternatives)])
 
     def velocity(self, stamp_ns: int) -> Array:
         """Return the velocity of (x, y, yaw) in D, shape (3,) [m/s, rad/s], by the wheels; 0 when lost."""
@@ -187,7 +187,7 @@ class CornerEkf:
         if self.delay_compensation:
             return self.predict(now_ns)
         state = self._history.state_before(now_ns)
-        return None if state is None else self._pose(state, state.rivals, state.stamp_ns)
+        return None if state is None else self._pose(state, state.alternatives, state.stamp_ns)
 
     def drive_errors(self) -> tuple[float, float, float]:
         """Return what is known of the relative errors of the left and right radius and of the track.

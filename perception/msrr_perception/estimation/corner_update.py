@@ -16,7 +16,7 @@ from msrr_perception.estimation.clock_parts import by_parts, in_doubt
 from msrr_perception.estimation.first_fit import FirstFit, StartingState
 from msrr_perception.estimation.measurement_history import Measurement
 from msrr_perception.kernels.calibrated import EDGE
-from msrr_perception.kernels.corners import Seen, derivatives
+from msrr_perception.kernels.corners import WeightedCorners, derivatives
 from msrr_perception.kernels.rates import AT_REST, Rates, moved
 from msrr_perception.kernels.section_errors import DataSheet
 from msrr_perception.kernels.update import Rules, update
@@ -219,7 +219,9 @@ class CornerUpdate:
         which = np.array([self._layout.index[i] for i in self._target.port_tags], dtype=np.int64)
         roots = np.tile(noise.corner_sigma_px * np.eye(8), (len(which), 1, 1))
         none = np.zeros(len(which))
-        seen = Seen(which, np.zeros((len(which), 8)), np.zeros((len(which), 4)), none, roots, rates)
+        seen = WeightedCorners(
+            which, np.zeros((len(which), 8)), np.zeros((len(which), 4)), none, roots, rates
+        )
         _, J = derivatives(self._target.optics, self._layout.tags, seen, state)
         information = J[:, :5].T @ J[:, :5]
         # The tilt is hardly determined by corners; its prior bounds what errors can make of it.

@@ -14,9 +14,9 @@ from msrr_perception.motion.filter_state import CalibrationEstimate, FilterState
 from msrr_perception.motion.wheel_history import WheelHistory
 from msrr_scenes.messages import Detections, ExposureCounts
 
-#: Standard deviation of a place that tells nothing, as after wheel readings of another unit [m]. Beyond a
-#: thousand times that, rounding leaves nothing of the covariance of a pose that an image shows.
-_NOWHERE_M = 10.0
+#: Standard deviation of the position above which it counts as unknown [m], as after wheel readings of another
+#: unit. At a thousand times that, rounding leaves nothing of the covariance of a pose that an image shows.
+_UNDETERMINED_M = 10.0
 
 
 class FilterStep:
@@ -45,26 +45,26 @@ class FilterStep:
         """Return the state after a measurement; None before one has told where the unit is."""
         if before is None:
             return self._start(measurement)
-        states = [self._followed(state, measurement) for state in (before, *before.rivals)]
-        current = [s for s in states if s.rejected < self._reset_after and not _is_nowhere(s)]
+        states = [self._updated(state, measurement) for state in (before, *before.alternatives)]
+        current = [s for s in states if s.rejected < self._reset_after and not _is_undetermined(s)]
         if current:
-            return likeliest(current) if before.rivals else current[0]
+            return likeliest(current) if before.alternatives else current[0]
         start = self._start(measurement)
         if start is None:
             return states[0]
-        return replace(start, told_ns=states[0].told_ns, exposures=states[0].exposures)
+        return replace(start, wheels_until_ns=states[0].wheels_until_ns, exposures=states[0].exposures)
 
-    def _followed(self, before: FilterState, measurement: Measurement) -> FilterState:
+    def _updated(self, before: FilterState, measurement: Measurement) -> FilterState:
         """Return the state after a measurement, which corrects it where it agrees."""
         prior = self._motion.to_measurement(before, self._wheels, measurement.exposure.stamp_ns)
         rates = AT_REST
         if isinstance(measurement, Detections) or self._motion.learns_clock:
             rates = self._motion.rates(prior, self._wheels)
-            prior = replace(prior, told_ns=self._motion.told_until(prior))
-        nowhere = _is_nowhere(prior)
-        after = agreeing = None if nowhere else self._update.correct(prior, measurement, rates)
+            prior = replace(prior, wheels_until_ns=self._motion.wheels_until(prior))
+        undetermined = _is_undetermined(prior)
+        after = agreeing = None if undetermined else self._update.correct(prior, measurement, rates)
         rejected = 0 if agreeing is not None else prior.rejected + 1
-        anew = nowhere or rejected >= self._reset_after
+        anew = undetermined or rejected >= self._reset_after
         if not anew and doubts_wheels(prior, measurement, rejected):
             after = self._update.correct(self._motion.doubting(prior), measurement, rates) or agreeing
         if after is None:
@@ -74,7 +74,7 @@ class FilterStep:
         if agreeing is not None:
             return replace(after, exposures=prior.exposures + ExposureCounts(used=1))
         exposures = prior.exposures + ExposureCounts(without_wheels=1)
-        return replace(after, doubted_ns=prior.stamp_ns, exposures=exposures)
+        return replace(after, wheels_doubted_ns=prior.stamp_ns, exposures=exposures)
 
     def _start(self, measurement: Measurement) -> FilterState | None:
         """Return a state from one measurement alone; None when it does not determine one."""
@@ -87,7 +87,7 @@ class FilterStep:
         return likeliest(states) if states else None
 
 
-def _is_nowhere(state: FilterState) -> bool:
-    """Return whether the covariance says that the unit may be anywhere."""
+def _is_undetermined(state: FilterState) -> bool:
+    """Return whether the position is unknown by its covariance."""
     P = state.covariance
-    return float(P[0, 0] + P[1, 1]) > _NOWHERE_M**2
+    return float(P[0, 0] + P[1, 1]) > _UNDETERMINED_M**2

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from msrr_perception.kernels.corners import Seen, roots_of_covariance
+from msrr_perception.kernels.corners import WeightedCorners, roots_of_covariance
 from msrr_perception.kernels.rates import AT_REST
 from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
 from msrr_perception.motion.filter_state import CalibrationEstimate
@@ -95,7 +95,7 @@ class FirstFit:
         starts += [pose_vector(X_DU) for X_DU in one_tag_poses(target, largest_tag(tags))]
         seen = self._seen(tags, np.concatenate([starts[0], known.mean]))
 
-        def fit(corners: Seen, start: Array) -> CornerFit | None:
+        def fit(corners: WeightedCorners, start: Array) -> CornerFit | None:
             try:
                 found = fit_corners(target, layout, corners, start, prior, information, _ITERATIONS)
             except np.linalg.LinAlgError:  # there is no solution near this start; there may be one elsewhere
@@ -115,7 +115,7 @@ class FirstFit:
         agrees = agreed is not None and _is_good(agreed.cost, len(tags))
         return _Found([StartingState(one.state, one.covariance, one.cost) for one in found], agrees)
 
-    def _seen(self, tags: Sequence[TagDetection], state: Array, more_px: float = 0.0) -> Seen:
+    def _seen(self, tags: Sequence[TagDetection], state: Array, more_px: float = 0.0) -> WeightedCorners:
         """Return measured corners with their covariances, and with another independent deviation [px]."""
         measured = measured_corners(self._target, tags)
         variances = variances_of_corners(measured.corners, measured.sigma_px, self._sheet, self._inflation)
@@ -124,7 +124,9 @@ class FirstFit:
         roots = roots_of_covariance(
             target.optics, self._layout.tags, measured, AT_REST, state, variances, target.frame_period_s
         )
-        return Seen(measured.which, measured.corners, measured.after, variances.border, roots, AT_REST)
+        return WeightedCorners(
+            measured.which, measured.corners, measured.after, variances.border, roots, AT_REST
+        )
 
 
 def _is_good(cost: float, tags: int) -> bool:

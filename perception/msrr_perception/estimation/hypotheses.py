@@ -18,13 +18,13 @@ from msrr_perception.pose.corner_fit import deviation, is_same_pose, odds
 from msrr_scenes.arrays import frozen
 from msrr_scenes.messages import PoseEstimate
 
-#: Cost above that of the best state from which a state is given up: odds of one to 8,000. A rival that is
-#: half a turn off adds less than 2 deg to the standard deviation of the yaw when it goes.
+#: Cost above that of the best state from which a state is given up: odds of one to 8,000. A state that is
+#: half a turn off adds less than 2 deg to the standard deviation of the yaw when it is given up.
 _GIVEN_UP = 18.0
 
 
 def likeliest(states: Sequence[FilterState]) -> FilterState:
-    """Return the best of one state or more, with those others as its rivals that may be the right one.
+    """Return the best of one state or more, with the others that may be the right one as its alternatives.
 
     All of them have seen the same corners, so that these are as noisy by one as by the other. What became of
     the exposures is told by the best one: whichever leads from there on goes on counting from that.
@@ -36,9 +36,9 @@ def likeliest(states: Sequence[FilterState]) -> FilterState:
         if other.cost - best.cost < _GIVEN_UP and not any(same):
             apart.append(other)
     scale, seen = best.noise_scale, best.exposures
-    rivals = [replace(r, cost=r.cost - best.cost, noise_scale=scale, exposures=seen) for r in apart[1:]]
-    told_ns = max(one.told_ns for one in apart)
-    return replace(best, cost=0.0, told_ns=told_ns, rivals=tuple(rivals))
+    alternatives = [replace(r, cost=r.cost - best.cost, noise_scale=scale, exposures=seen) for r in apart[1:]]
+    wheels_until_ns = max(one.wheels_until_ns for one in apart)
+    return replace(best, cost=0.0, wheels_until_ns=wheels_until_ns, alternatives=tuple(alternatives))
 
 
 def mixed(poses: Sequence[PoseEstimate], costs: Sequence[float]) -> PoseEstimate:

@@ -27,9 +27,9 @@ class _Entry:
     after: FilterState | None
 
     @property
-    def told_ns(self) -> int:
+    def wheels_until_ns(self) -> int:
         """Time until which the state rests on what the wheels did [ns]."""
-        return self.key[0] if self.after is None else max(self.key[0], self.after.told_ns)
+        return self.key[0] if self.after is None else max(self.key[0], self.after.wheels_until_ns)
 
 
 class MeasurementHistory:
@@ -107,7 +107,7 @@ class MeasurementHistory:
             first = len(self._entries)
             while first > 0 and self._entries[first - 1].key[0] > after_ns - about_ns:  # few are that new
                 first -= 1
-            while first < len(self._entries) and self._entries[first].told_ns <= after_ns:
+            while first < len(self._entries) and self._entries[first].wheels_until_ns <= after_ns:
                 first += 1
         if self._entries[0].key[0] < self._oldest_ns:
             first = max(first, 1)

@@ -25,7 +25,7 @@ def doubts_wheels(prior: FilterState, measurement: Measurement, rejected: int) -
     """
     if isinstance(measurement, Detections) and prior.stamp_ns - prior.last_seen_ns > _UNTOLD_NS:
         return False
-    doubted_ns = prior.doubted_ns
+    doubted_ns = prior.wheels_doubted_ns
     return rejected >= _DOUBTED_AFTER or (
         doubted_ns is not None and prior.stamp_ns - doubted_ns <= _DOUBTED_NS
     )

@@ -34,7 +34,7 @@ class MeasuredCorners(NamedTuple):
     after: Array  # (K, 4) time from the stamp to the exposure of each corner's row [s]
 
 
-class Seen(NamedTuple):
+class WeightedCorners(NamedTuple):
     """The K tags that were detected in one exposure, as a fit takes them."""
 
     which: NDArray[np.int64]  # (K,) index of each tag among those of the target
@@ -115,7 +115,7 @@ def roots_of_covariance(
 
 @subroutine
 def whitened(
-    optics: Optics, tags: TargetTags, seen: Seen, t: int, state: Array, pixels: Array, J: Array
+    optics: Optics, tags: TargetTags, seen: WeightedCorners, t: int, state: Array, pixels: Array, J: Array
 ) -> None:
     """Write the residual of a tag into ``pixels`` and its derivatives into ``J``, both by its covariance."""
     tag, L = seen.which[t], seen.roots[t]
@@ -136,7 +136,7 @@ def whitened(
 
 
 @kernel
-def derivatives(optics: Optics, tags: TargetTags, seen: Seen, state: Array) -> tuple[Array, Array]:
+def derivatives(optics: Optics, tags: TargetTags, seen: WeightedCorners, state: Array) -> tuple[Array, Array]:
     """Return residuals, shape (8 K,), and derivatives, shape (8 K, n), both by the covariance of the corners.
 
     Args:

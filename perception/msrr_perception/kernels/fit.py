@@ -8,7 +8,7 @@ import numpy as np
 
 from msrr_perception.kernels.calibrated import PARAMETERS, TargetTags
 from msrr_perception.kernels.compiled import kernel, subroutine
-from msrr_perception.kernels.corners import Seen, whitened
+from msrr_perception.kernels.corners import WeightedCorners, whitened
 from msrr_perception.kernels.linear_algebra import cholesky, inverse, solve
 from msrr_perception.kernels.project import Optics
 from msrr_scenes.arrays import Array
@@ -21,7 +21,7 @@ _MAX_DAMPING = 1e9
 def linearise(
     optics: Optics,
     tags: TargetTags,
-    seen: Seen,
+    seen: WeightedCorners,
     state: Array,
     mean: Array,
     information: Array,
@@ -77,7 +77,7 @@ def linearise(
 def fit(
     optics: Optics,
     tags: TargetTags,
-    seen: Seen,
+    seen: WeightedCorners,
     start: Array,
     mean: Array,
     information: Array,

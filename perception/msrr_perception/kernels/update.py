@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from msrr_perception.kernels.calibrated import PARAMETERS, TargetTags
 from msrr_perception.kernels.compiled import kernel, subroutine
-from msrr_perception.kernels.corners import MeasuredCorners, Seen, roots_of_covariance, whitened
+from msrr_perception.kernels.corners import MeasuredCorners, WeightedCorners, roots_of_covariance, whitened
 from msrr_perception.kernels.linear_algebra import cholesky, solve
 from msrr_perception.kernels.project import Optics
 from msrr_perception.kernels.rates import Rates
@@ -98,7 +98,7 @@ def update(
     mean: Array,
     covariance: Array,
     rules: Rules,
-) -> tuple[Array, Array, float, float, Seen, bool]:
+) -> tuple[Array, Array, float, float, WeightedCorners, bool]:
     """Correct a state by the corners of those tags that lie inside the gate.
 
     Args:
@@ -122,7 +122,7 @@ def update(
     n, which, corners = mean.shape[0], measured.which, measured.corners
     variances = variances_of_corners(corners, measured.sigma_px, sheet, scale)
     roots = roots_of_covariance(optics, tags, measured, rates, mean, variances, period)
-    seen = Seen(which, corners, measured.after, variances.border, roots, rates)
+    seen = WeightedCorners(which, corners, measured.after, variances.border, roots, rates)
     rows = 8 * which.shape[0]
     r, J, JP, S = np.empty(rows), np.empty((rows, PARAMETERS)), np.empty((rows, n)), np.empty((rows, rows))
     for t in range(which.shape[0]):
@@ -130,7 +130,7 @@ def update(
     relate(tags, which, covariance, J, JP, S)
     inside = distances(S, r) <= rules.gate
     if not inside.all():
-        seen = Seen(
+        seen = WeightedCorners(
             which[inside], corners[inside], seen.after[inside], seen.border[inside], roots[inside], rates
         )
         rows = 8 * seen.which.shape[0]

@@ -9,7 +9,7 @@ import numpy as np
 
 from msrr_perception.kernels.calibrated import PARAMETERS, TargetTags
 from msrr_perception.kernels.compiled import compiler
-from msrr_perception.kernels.corners import MeasuredCorners, Seen, derivatives, roots_of_covariance
+from msrr_perception.kernels.corners import MeasuredCorners, WeightedCorners, derivatives, roots_of_covariance
 from msrr_perception.kernels.dock_frame import pose_by_marker, predict
 from msrr_perception.kernels.drive import Drive, propagate
 from msrr_perception.kernels.edges import intersect_edges, refine_corners
@@ -49,7 +49,7 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     variances = variances_of_corners(row, np.ones((1, 4)), sheet, 1.0)
     measured = MeasuredCorners(which, row, np.ones((1, 4)), np.zeros((1, 4)))
     roots = roots_of_covariance(optics, tags, measured, AT_REST, state, variances, 0.1)
-    seen, rules = Seen(which, row, measured.after, np.zeros(1), roots, AT_REST), Rules(1.0, 1, 1.0)
+    seen, rules = WeightedCorners(which, row, measured.after, np.zeros(1), roots, AT_REST), Rules(1.0, 1, 1.0)
     update(optics, tags, measured, AT_REST, sheet, 1.0, 0.1, state, np.eye(8), rules)
     derivatives(optics, tags, seen, state)
     fit(optics, tags, seen, state, state, np.eye(8), 2, 1e-3)

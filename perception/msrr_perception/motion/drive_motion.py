@@ -28,12 +28,12 @@ _LEAST_SCALE_SIGMA, _LEAST_TRACK_SIGMA = 0.003, 0.003
 #: the next instant whose velocity is told [s].
 _CLOCK_SIGMAS, _STEP_S = 3.0, 0.01
 
-_NO_STEPS = np.zeros((0, 5))
-
-#: Way and turn after which lengths in what strains them are off by another error [m, rad].
+#: Distance driven and angle turned over which the variance of the relative error of measured lengths, the
+#: strain, is added to the wheels' errors once [m, rad].
 _STRAINED_M, _STRAINED_RAD = 2.0, 1.0
 
-#: Way between two measurements [m]: the strain puts its direction off, by another angle for each of them.
+#: Distance driven between two measurements [m]: the strain turns the direction of each such way, by an angle
+#: of its own.
 _STEP_M = 0.025
 
 
@@ -100,7 +100,7 @@ class DriveMotion:
     def rates(self, state: FilterState, history: WheelHistory) -> Rates:
         """Return how the unit moves about an exposure with the time of a state as its stamp, by the wheels.
 
-        What they did until :meth:`told_until` may not be known yet, and is extrapolated then.
+        What they did until :meth:`wheels_until` may not be known yet, and is extrapolated then.
         """
         return self._rates(state, history, *self._exposed(state))
 
@@ -109,7 +109,7 @@ class DriveMotion:
         velocity: Array = self._rates(state, history, 0.0, 0.0).velocity[0]
         return velocity
 
-    def told_until(self, state: FilterState) -> int:
+    def wheels_until(self, state: FilterState) -> int:
         """Return the time until which the wheels tell the rates about an exposure at a state [ns]."""
         exposed, within = self._exposed(state)
         return state.stamp_ns + math.ceil((exposed + within + ABOUT_S) * NS_PER_S)
@@ -142,14 +142,22 @@ class DriveMotion:
         return -late, within if within > _STEP_S else 0.0
 
     def propagate(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
-        """Return the state, without its rivals, moved forward to ``stamp_ns`` along the encoder readings."""
+        """Return the state without alternatives, moved forward to ``stamp_ns`` along the encoder readings."""
         if stamp_ns <= state.stamp_ns:
             return state
         steps, wheels = self._steps(state, history, stamp_ns)
         mean, P = state.mean.copy(), state.covariance.copy()
         propagate(mean, P, steps, self._packed_drive)
         self._add_of_wheels(mean, P, self._between_readings(history, state.stamp_ns, stamp_ns))
-        return replace(state, stamp_ns=stamp_ns, mean=mean, covariance=P, wheels=wheels, told_ns=0, rivals=())
+        return replace(
+            state,
+            stamp_ns=stamp_ns,
+            mean=mean,
+            covariance=P,
+            wheels=wheels,
+            wheels_until_ns=0,
+            alternatives=(),
+        )
 
     def to_measurement(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> FilterState:
         """Return the state moved forward to a measurement at ``stamp_ns``, with what encoders do not resolve.
@@ -188,7 +196,7 @@ class DriveMotion:
 
     def predict(self, state: FilterState, history: WheelHistory, stamp_ns: int) -> PoseEstimate:
         """Return the pose in the dock frame at ``stamp_ns``, or at the time of the state if that is later."""
-        steps, P = _NO_STEPS, state.covariance
+        steps, P = np.zeros((0, 5)), state.covariance
         if stamp_ns > state.stamp_ns:
             steps, _ = self._steps(state, history, stamp_ns)
             between = self._between_readings(history, state.stamp_ns, stamp_ns)

@@ -28,13 +28,13 @@ class FilterState:
         last_seen_ns: Exposure time of the last measurement that passed the gate.
         rejected: Number of exposures in a row of which nothing passed the gate.
         noise_scale: Variance of the corners, as their residuals show it, over that by the data sheet.
-        told_ns: Time until which the last measurement rests on what the wheels did [ns].
-        doubted_ns: Exposure time of the last measurement that agrees only if what the wheels tell is doubted;
-            None if each agrees with it.
+        wheels_until_ns: Time until which the last measurement rests on what the wheels did [ns].
+        wheels_doubted_ns: Exposure time of the last measurement that agrees only if the wheel readings are
+            doubted; None if all agree with them.
         exposures: What became of the exposures up to this state.
-        cost: Minus twice the logarithm of the likelihood of its measurements; only how that differs between
-            rivals means something.
-        rivals: Other states that may be the right one instead; they have no rivals themselves.
+        cost: Minus twice the logarithm of the likelihood of its measurements; only the difference
+            between alternatives has a meaning.
+        alternatives: Other states that may be the right one instead; they have no alternatives themselves.
     """
 
     stamp_ns: int
@@ -44,11 +44,11 @@ class FilterState:
     last_seen_ns: int
     rejected: int = 0
     noise_scale: float = 1.0
-    told_ns: int = 0
-    doubted_ns: int | None = None
+    wheels_until_ns: int = 0
+    wheels_doubted_ns: int | None = None
     exposures: ExposureCounts = _NO_EXPOSURES
     cost: float = 0.0
-    rivals: tuple[FilterState, ...] = ()
+    alternatives: tuple[FilterState, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

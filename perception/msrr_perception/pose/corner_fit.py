@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from msrr_perception.kernels.corners import MeasuredCorners, Seen
+from msrr_perception.kernels.corners import MeasuredCorners, WeightedCorners
 from msrr_perception.kernels.fit import fit
 from msrr_perception.kernels.rates import AT_REST
 from msrr_perception.pose.calibration import StateLayout
@@ -99,7 +99,7 @@ def odds(costs: Sequence[float]) -> Array:
 def pieces_along_yaw(
     target: TargetModel,
     layout: StateLayout,
-    seen: Seen,
+    seen: WeightedCorners,
     solutions: Sequence[CornerFit],
     prior_mean: Array,
     prior_information: Array,
@@ -150,7 +150,7 @@ def measured_corners(target: TargetModel, tags: Sequence[TagDetection]) -> Measu
     return MeasuredCorners(which, corners.reshape(-1, 8), np.array(sigmas, dtype=np.float64), after)
 
 
-def equally_good(target: TargetModel, tags: Sequence[TagDetection], sigma_px: float) -> Seen:
+def equally_weighted(target: TargetModel, tags: Sequence[TagDetection], sigma_px: float) -> WeightedCorners:
     """Return measured corners that are all equally good and independent, for a target that stands.
 
     Args:
@@ -161,13 +161,13 @@ def equally_good(target: TargetModel, tags: Sequence[TagDetection], sigma_px: fl
     measured = measured_corners(target, tags)
     count = len(tags)
     roots = np.tile(sigma_px * np.eye(8), (count, 1, 1))
-    return Seen(measured.which, measured.corners, measured.after, np.zeros(count), roots, AT_REST)
+    return WeightedCorners(measured.which, measured.corners, measured.after, np.zeros(count), roots, AT_REST)
 
 
 def fit_corners(
     target: TargetModel,
     layout: StateLayout,
-    seen: Seen,
+    seen: WeightedCorners,
     start: Array,
     prior_mean: Array,
     prior_information: Array,

@@ -11,7 +11,7 @@ import numpy as np
 from msrr_perception.pose.corner_fit import (
     CornerFit,
     distinct,
-    equally_good,
+    equally_weighted,
     fit_corners,
     is_determined,
     pieces_along_yaw,
@@ -97,7 +97,7 @@ def joint_pose(
         return None
     best, pieces = fits[0].state, fits
     if len(known) == 1:
-        seen = equally_good(target, known, noise.corner_sigma_px)
+        seen = equally_weighted(target, known, noise.corner_sigma_px)
         pieces = pieces_along_yaw(target, target.layout, seen, fits, np.zeros(5), _level(noise))
     return JointPose(SE2(*best[:3]), second_moment(best, pieces)[:3, :3])
 
@@ -113,7 +113,7 @@ def joint_fits(target: TargetModel, tags: Sequence[TagDetection], noise: CornerN
         tags: One tag of the target or more.
         noise: Assumed noise of corners and tilt.
     """
-    seen, level = equally_good(target, tags, noise.corner_sigma_px), _level(noise)
+    seen, level = equally_weighted(target, tags, noise.corner_sigma_px), _level(noise)
     fits = list[CornerFit]()
     for start in one_tag_poses(target, largest_tag(tags)):
         vector = pose_vector(start)

@@ -105,14 +105,20 @@ def test_rivals_are_those_that_lie_apart_and_are_not_far_less_likely() -> None:
     """Costs are told against that of the best, and all are as noisy as that and have seen the same."""
     used, others = ExposureCounts(used=3), ExposureCounts(used=2, rejected=1)
 
-    def state(x: float, cost: float, told_ns: int, counts: ExposureCounts = others) -> FilterState:
-        mean = np.array([x, 0.0, math.pi if told_ns % 2 else -math.pi, 0.0, 0.0])  # the same yaw
-        return FilterState(9, mean, np.diag([1e-4] * 5), None, 0, 0, 1.0 + cost, told_ns, None, counts, cost)
+    def state(x: float, cost: float, wheels_until_ns: int, counts: ExposureCounts = others) -> FilterState:
+        mean = np.array([x, 0.0, math.pi if wheels_until_ns % 2 else -math.pi, 0.0, 0.0])  # the same yaw
+        return FilterState(
+            9, mean, np.diag([1e-4] * 5), None, 0, 0, 1.0 + cost, wheels_until_ns, None, counts, cost
+        )
 
     best, near, apart = state(0.0, 5.0, 1, used), state(0.004, 6.0, 4), state(0.02, 22.0, 3)
     near_apart, unlikely = state(0.0205, 22.5, 6), state(0.1, 23.5, 8)
     found = likeliest([unlikely, near_apart, apart, near, best])
-    assert (found.mean is best.mean, found.cost, found.told_ns) == (True, 0.0, 3)
-    (rival,) = found.rivals
-    assert (rival.mean is apart.mean, rival.cost) == (True, 17.0)
-    assert (rival.noise_scale, rival.exposures) == (found.noise_scale, found.exposures) == (6.0, used)
+    assert (found.mean is best.mean, found.cost, found.wheels_until_ns) == (True, 0.0, 3)
+    (alternative,) = found.alternatives
+    assert (alternative.mean is apart.mean, alternative.cost) == (True, 17.0)
+    assert (
+        (alternative.noise_scale, alternative.exposures)
+        == (found.noise_scale, found.exposures)
+        == (6.0, used)
+    )

@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import chi2
 
 from msrr_perception.estimation.corner_update import CornerUpdate
-from msrr_perception.kernels.corners import MeasuredCorners, Seen, derivatives, roots_of_covariance
+from msrr_perception.kernels.corners import MeasuredCorners, WeightedCorners, derivatives, roots_of_covariance
 from msrr_perception.kernels.edges import reach_px
 from msrr_perception.kernels.rates import AT_REST, Rates
 from msrr_perception.kernels.section_errors import CornerVariances, border_px, sampling_px
@@ -57,12 +57,14 @@ def _by_numpy(
     )
     inside, border = [], variances.border
     for t in range(len(tags)):
-        one = Seen(which[[t]], corners[[t]], after[[t]], border[[t]], roots[[t]], rates)
+        one = WeightedCorners(which[[t]], corners[[t]], after[[t]], border[[t]], roots[[t]], rates)
         r, J = derivatives(target.optics, layout.tags, one, m)
         inside.append(r @ np.linalg.solve(J @ P @ J.T + np.eye(8), r) <= chi2.ppf(GATE, 8))
     if not any(inside):
         return None
-    seen = Seen(which[inside], corners[inside], after[inside], border[inside], roots[inside], rates)
+    seen = WeightedCorners(
+        which[inside], corners[inside], after[inside], border[inside], roots[inside], rates
+    )
     information = np.linalg.inv(P)
     x, (r, J) = m, derivatives(target.optics, layout.tags, seen, m)
     cost = chi = r @ r

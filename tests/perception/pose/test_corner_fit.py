@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from msrr_perception.kernels.corners import Seen
-from msrr_perception.pose.corner_fit import equally_good, fit_corners
+from msrr_perception.kernels.corners import WeightedCorners
+from msrr_perception.pose.corner_fit import equally_weighted, fit_corners
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.messages import TagDetection
 
@@ -19,11 +19,11 @@ def _view(target: TargetModel, rng: np.random.Generator) -> tuple[np.ndarray, np
     return pose, np.concatenate([target.corners_D[tag] for tag in target.port_tags])
 
 
-def _seen(target: TargetModel, pixels: np.ndarray) -> Seen:
+def _seen(target: TargetModel, pixels: np.ndarray) -> WeightedCorners:
     """Return the pixels of the corners of the tags of the port as measurements of 0.25 px."""
     corners = pixels.reshape(-1, 4, 2)
     tags = [TagDetection(i, c, 50.0, 0) for i, c in zip(target.port_tags, corners, strict=True)]
-    return equally_good(target, tags, 0.25)
+    return equally_weighted(target, tags, 0.25)
 
 
 def test_a_fit_ends_where_the_gradient_vanishes(
