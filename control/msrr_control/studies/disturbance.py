@@ -13,8 +13,11 @@ from msrr_control.kinematics.controlled_point import rotate
 from msrr_control.kinematics.unicycle import advance_pose, drive
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import ProgramFailedError
-from msrr_scenes.specs.spec import Distance, Length, NonNegative, Spec, Time, Turn
+from msrr_scenes.specs.spec import Distance, NonNegative, Spec, Time, Turn
 from msrr_scenes.specs.vehicle import LimitsSpec
+
+#: Distance between the wheels of the unit [m].
+_TRACK_M = 0.13
 
 
 class Disturbance(Spec):
@@ -29,7 +32,6 @@ class Disturbance(Spec):
             its exposure.
         slip: Largest share by which a wheel's path differs from that of its encoder; drawn uniformly for each
             wheel of each trial.
-        track_m: Distance between the wheels.
     """
 
     sigma_xy_m: Distance = 0.0
@@ -38,7 +40,6 @@ class Disturbance(Spec):
     delay_s: Time = Field(default=0.0, le=2.0)
     compensated: bool = True
     slip: NonNegative = Field(default=0.0, le=0.2)
-    track_m: Length = 0.13
 
 
 class DisturbedUnicycles:
@@ -105,12 +106,13 @@ class DisturbedUnicycles:
 
     def advance(self, command: Array) -> None:
         """Drive by a command (v, w), shape (trials, 2), for one control period."""
-        dt, track = self._dt, self._disturbance.track_m
+        dt = self._dt
         self.twist, mean = drive(self.twist, command, self._limits, dt)
         v, w = mean[:, 0], mean[:, 1]
         self._odometry = advance_pose(self._odometry, dt * v, dt * w)
-        left, right = self._grips[:, 0] * (v - 0.5 * track * w), self._grips[:, 1] * (v + 0.5 * track * w)
-        self.pose = advance_pose(self.pose, dt * (0.5 * (left + right)), dt * ((right - left) / track))
+        turning = 0.5 * _TRACK_M * w
+        left, right = self._grips[:, 0] * (v - turning), self._grips[:, 1] * (v + turning)
+        self.pose = advance_pose(self.pose, dt * (0.5 * (left + right)), dt * ((right - left) / _TRACK_M))
 
 
 def checked_commands(command: object, shape: tuple[int, ...], law: object) -> Array:

@@ -38,7 +38,6 @@ class PathFollowingStartSet(Spec):
         beside_m: Half-width of the obstacle's distance from the path.
         after_start_m: Smallest distance along the path from its start to the obstacle.
         before_end_m: Smallest distance along the path from the obstacle to the end of the arc.
-        body_half_width_m: Half the width of the unit's body.
     """
 
     radius_m: Span = (1.0, 1.4)
@@ -50,7 +49,6 @@ class PathFollowingStartSet(Spec):
     beside_m: Distance = 0.05
     after_start_m: Length = 0.7
     before_end_m: Length = 1.0
-    body_half_width_m: Length = 0.10
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +177,7 @@ def run_path_following_study(
     pace = pace if pace is not None else PaceSpec()
     dt = 1.0 / rate_hz
     path, centre = draw_paths(starts, trials, rng)
-    half_width = np.full(trials, walls.half_width(starts.obstacle_m or 0.0, starts.body_half_width_m))
+    half_width = np.full(trials, walls.half_width(starts.obstacle_m or 0.0, HALF_BODY_M))
     encounter = find_encounter(path, centre, half_width, walls)
     obstacles = Obstacles(centre[:, None], np.full((trials, 1), starts.obstacle_m is not None))
     half = np.array([starts.error_m, starts.error_m, np.radians(starts.error_deg)])

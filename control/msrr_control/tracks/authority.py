@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from msrr_control.tracks.track import path_of
+from msrr_control.tracks.track import dock_start, path_of
 from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -51,10 +51,7 @@ class MovementAuthority:
     @property
     def dock_start(self) -> float:
         """Arc length at which the dock leg begins; that of the whole route if there is none [m]."""
-        legs = self.legs
-        if not legs or legs[-1].kind is not LegKind.DOCK:
-            return self.length
-        return legs[-2].end if len(legs) > 1 else 0.0
+        return dock_start(self.legs, self.length)
 
     @property
     def end_yaw(self) -> float:

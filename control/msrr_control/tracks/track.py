@@ -58,9 +58,7 @@ class Track:
     @cached_property
     def dock_start(self) -> float:
         """Arc length at which the dock leg begins, that of the whole route if there is none [m]."""
-        if self.legs and self.legs[-1].kind is LegKind.DOCK:
-            return self.legs[-2].end if len(self.legs) > 1 else 0.0
-        return self.length
+        return dock_start(self.legs, self.length)
 
     @property
     def end(self) -> SE2:
@@ -233,6 +231,13 @@ class TrackBuilder:
     def _finish(self, kind: LegKind, start: SE2, turn: float = 0.0) -> None:
         where = (start.x, start.y, start.yaw)
         self._legs.append(RouteLeg(kind, where, (), (), turn, self._s[-1]))
+
+
+def dock_start(legs: Sequence[RouteLeg], length: float) -> float:
+    """Return the arc length at which the dock leg of a route begins, its ``length`` if there is none [m]."""
+    if legs and legs[-1].kind is LegKind.DOCK:
+        return legs[-2].end if len(legs) > 1 else 0.0
+    return length
 
 
 def path_of(leg: RouteLeg) -> Path:
