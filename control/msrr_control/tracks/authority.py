@@ -18,6 +18,9 @@ class MovementAuthority:
     An authority that expires ends at the nearer of its limit and the place where the unit can stop from then
     on. It does not expire for a unit that has begun its dock leg, which was granted whole. A unit that waits
     before its dock leg, also after a failed attempt, begins it only by an authority that has not expired.
+
+    Attributes:
+        newest: The newest authority, None before the first.
     """
 
     def __init__(self, limits: LimitsSpec, reaction_s: float) -> None:
@@ -30,18 +33,13 @@ class MovementAuthority:
         """
         self._deceleration = _BRAKING_SHARE * limits.a_max_mps2
         self._reaction = reaction_s
-        self._newest: Authority | None = None
+        self.newest: Authority | None = None
         self._stop: float | None = None  # where the unit stops because its authority has expired
-
-    @property
-    def newest(self) -> Authority | None:
-        """The newest authority, None before the first."""
-        return self._newest
 
     @property
     def legs(self) -> tuple[RouteLeg, ...]:
         """The legs of the route, none before the first authority."""
-        return () if self._newest is None else self._newest.legs
+        return () if self.newest is None else self.newest.legs
 
     @property
     def length(self) -> float:
@@ -63,10 +61,10 @@ class MovementAuthority:
 
     def receive(self, authority: Authority) -> bool:
         """Take in an authority unless a newer one is known; return whether it begins another route."""
-        newest = self._newest
+        newest = self.newest
         if newest is not None and authority.seq <= newest.seq:
             return False
-        self._newest, self._stop = authority, None
+        self.newest, self._stop = authority, None
         return newest is None or newest.route != authority.route
 
     def limit(self, now_ns: int, progress: float, speed: float) -> float:
@@ -77,7 +75,7 @@ class MovementAuthority:
             progress: Arc length that the unit has covered [m].
             speed: Speed along the route [m/s].
         """
-        newest = self._newest
+        newest = self.newest
         if newest is None:
             return progress
         whole = self.length <= newest.limit

@@ -171,7 +171,7 @@ class CornerUpdate:
                 information = np.linalg.inv(prior.covariance)
                 information = 0.5 * (information + information.T)
                 fit = fit_corners(target, layout, seen, prior.mean, prior.mean, information, _ITERATIONS)
-            except np.linalg.LinAlgError:  # by wheels in other units the target is behind, or metres away
+            except np.linalg.LinAlgError:  # by wheel readings in degrees the target is behind, or metres away
                 return None
             mean, covariance, chi2 = fit.state, fit.covariance, fit.chi2
             cost = fit.cost - _log_determinant(information) - _log_determinant(covariance)

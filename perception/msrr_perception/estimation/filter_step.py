@@ -14,8 +14,9 @@ from msrr_perception.motion.filter_state import CalibrationEstimate, FilterState
 from msrr_perception.motion.wheel_history import WheelHistory
 from msrr_scenes.messages import Detections, ExposureCounts
 
-#: Standard deviation of the position above which it counts as unknown [m], as after wheel readings of another
-#: unit. At a thousand times that, rounding leaves nothing of the covariance of a pose that an image shows.
+#: Standard deviation of the position above which it counts as unknown [m], as after wheel readings in degrees
+#: instead of radians. At a thousand times that, rounding leaves nothing of the covariance of a pose that an
+#: image shows.
 _UNDETERMINED_M = 10.0
 
 
