@@ -31,20 +31,14 @@ def linearise(
     g: Array,
 ) -> tuple[float, float]:
     """Write the Hessian H and the descent direction g at ``state``; return chi2 and cost."""
-    n = state.shape[0]
-    pulled = 0.0
+    n, off, pulled = state.shape[0], state - mean, 0.0
+    off[_YAW] -= 2.0 * math.pi * np.rint(off[_YAW] / (2.0 * math.pi))
     for i in range(n):
         pull = 0.0
         for j in range(n):
-            d = state[j] - mean[j]
-            if j == _YAW:
-                d -= 2.0 * math.pi * np.rint(d / (2.0 * math.pi))
-            pull += information[i, j] * d
+            pull += information[i, j] * off[j]
             H[i, j] = information[i, j]
-        d = state[i] - mean[i]
-        if i == _YAW:
-            d -= 2.0 * math.pi * np.rint(d / (2.0 * math.pi))
-        pulled += d * pull
+        pulled += off[i] * pull
         g[i] = -pull
     chi2 = 0.0
     for t in range(seen.which.shape[0]):
