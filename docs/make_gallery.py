@@ -23,9 +23,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from msrr_bullet.figures.frame_files import FrameAnnotator
-from msrr_bullet.figures.perspective import Perspective, on_floor
-from msrr_bullet.figures.top_view import draw_top_view, extent
+from msrr_bullet.figures.drawing.perspective import Perspective, on_floor
+from msrr_bullet.figures.frames.frame_files import FrameAnnotator
+from msrr_bullet.figures.plots.top_view import draw_top_view, extent
 from msrr_bullet.log import CameraWindow, Log, read_log
 from msrr_bullet.run import run_trial
 from msrr_bullet.timeline.camera_views import read_camera_views

@@ -169,8 +169,8 @@ def _write_derived_files(out: Path, result: TrialResult) -> None:
 
 def _draw_run(out: Path, result: TrialResult) -> None:
     """Write the page and the picture of a run."""
-    from msrr_bullet.figures.stills import draw_stills
-    from msrr_bullet.figures.summary import write_picture
+    from msrr_bullet.figures.frames.stills import draw_stills
+    from msrr_bullet.figures.plots.summary import write_picture
     from msrr_bullet.viewer.replay_page import write_replay
 
     with unpacked_log(out) as log:

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 from rich.table import Table
 
 from msrr_bullet.bench.trial_speed import BenchError, TrialSpeed, measure_trial_speed
-from msrr_bullet.figures.style import new_figure, save, styled
+from msrr_bullet.figures.plots.style import new_figure, save, styled
 from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_bullet.sweep.worker_pool import SpawnedPool
 from msrr_bullet.trial.versions import package_versions

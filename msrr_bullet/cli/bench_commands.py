@@ -127,7 +127,7 @@ def _comparison(
     against: Path | None,
 ) -> _Bench:
     from msrr_bullet.bench import speed_comparison as comparison
-    from msrr_bullet.figures.style import check_format
+    from msrr_bullet.figures.plots.style import check_format
 
     if plot is not None:
         check_format(plot)

@@ -98,7 +98,7 @@ def calibrate(
 
     Pictures that show none, or contradict the others, are named and left out.
     """
-    from msrr_bullet.figures.coverage import draw_coverage
+    from msrr_bullet.figures.plots.coverage import draw_coverage
     from msrr_bullet.run_folder import make_folder
     from msrr_perception.camera_calibration.fit import MODELS
     from msrr_perception.photographs.picture_files import picture_files

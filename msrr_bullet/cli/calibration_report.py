@@ -39,7 +39,7 @@ def print_report(
     """
     from rich.table import Table
 
-    from msrr_bullet.figures.coverage import covered, tilt
+    from msrr_bullet.figures.plots.coverage import covered, tilt
 
     table = Table("picture", "points", "residual [px]", "tilt [deg]", "")
     for view in found.views:

@@ -148,8 +148,8 @@ def _ask_the_library(pixels: Pixels, reader: PictureReader, work: _Work) -> None
 
 
 def _draw(picture: PictureTags, pixels: Pixels, reader: PictureReader, out: Path, work: _Work) -> None:
-    from msrr_bullet.figures.canvas import write_png
-    from msrr_bullet.figures.photograph import PosedLens, draw_photograph
+    from msrr_bullet.figures.drawing.canvas import write_png
+    from msrr_bullet.figures.frames.photograph import PosedLens, draw_photograph
 
     lens = reader.lens(picture.width, picture.height)
     posed = PosedLens(lens, 0.5 * reader.tag_size) if lens is not None and reader.tag_size else None

@@ -103,7 +103,7 @@ def _live_view(scene: Scene, seed: int, console: Console) -> Iterator[LiveViewer
     """Open the live view and wait until a browser shows it, or for a limited time."""
     import webbrowser
 
-    from msrr_bullet.figures.stills import live_stills
+    from msrr_bullet.figures.frames.stills import live_stills
     from msrr_bullet.viewer.live import LiveViewer
 
     with LiveViewer(scene, pace=1.0, drawer=live_stills(scene, seed)) as viewer:

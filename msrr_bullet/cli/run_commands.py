@@ -123,7 +123,7 @@ def frames(
 ) -> None:
     """Write camera frames with detections and estimates drawn in."""
     run = run_or_last(run)
-    from msrr_bullet.figures.frame_files import write_frames
+    from msrr_bullet.figures.frames.frame_files import write_frames
 
     folder = out if out is not None else folder_of(run) / FRAMES_NAME
     with _open_log(run, "drawing") as log:
@@ -154,7 +154,7 @@ def film(
     """Write a run as a film from its log, 25 pictures a second."""
     pixels = _parse_size(size)
     run = run_or_last(run)
-    from msrr_bullet.figures.film import write_film
+    from msrr_bullet.figures.film.film import write_film
     from msrr_bullet.log import unpacked_log
 
     file = out if out is not None else folder_of(run) / FILM_NAME
@@ -207,7 +207,7 @@ def plot(
     A mission is shown as rows of its units, any other run as errors, speeds, clearance and line of sight.
     """
     run = run_or_last(run)
-    from msrr_bullet.figures.plot import write_plot
+    from msrr_bullet.figures.plots.run_plot import write_plot
     from msrr_bullet.timeline.log_snapshots import read_snapshots, read_verdict
 
     file = out if out is not None else folder_of(run) / PLOT_NAME

@@ -8,8 +8,8 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from msrr_bullet.figures.stills import draw_stills
-from msrr_bullet.figures.summary import write_picture
+from msrr_bullet.figures.frames.stills import draw_stills
+from msrr_bullet.figures.plots.summary import write_picture
 from msrr_bullet.log import topics
 from msrr_bullet.log.frame_tree import WORLD
 from msrr_bullet.log.header import LogHeader

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from msrr_bullet.figures.style import check_format, legend_above, new_figure, save, styled
+from msrr_bullet.figures.plots.style import check_format, legend_above, new_figure, save, styled
 from msrr_bullet.statistics import Quantiles
 from msrr_bullet.sweep.summary import SweepSummary
 from msrr_bullet.sweep.variation import Level, Variation, values_text

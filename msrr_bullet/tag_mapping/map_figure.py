@@ -8,7 +8,7 @@ import numpy as np
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-from msrr_bullet.figures.style import SMALL, new_figure, save, styled
+from msrr_bullet.figures.plots.style import SMALL, new_figure, save, styled
 from msrr_bullet.timeline.palette import BLACK, BLUE, ORANGE, css
 from msrr_perception.mapping.mapper import TagMap
 from msrr_scenes.arrays import Array

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogFormatter
 
-from msrr_bullet.figures.style import SMALL, new_figure, save, styled
+from msrr_bullet.figures.plots.style import SMALL, new_figure, save, styled
 from msrr_bullet.timeline.palette import BLUE, VERMILLION, css
 from msrr_perception.mapping.mapper import MappedSighting, TagMap
 from msrr_scenes.wording import counted

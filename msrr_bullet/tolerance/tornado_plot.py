@@ -7,7 +7,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from msrr_bullet.figures.style import SMALL, new_figure, save, styled
+from msrr_bullet.figures.plots.style import SMALL, new_figure, save, styled
 from msrr_bullet.timeline.palette import BLUE, ORANGE, VERMILLION, css
 from msrr_bullet.tolerance.effects import RANGE
 from msrr_bullet.tolerance.model import EffectResult, ToleranceStudy

@@ -20,7 +20,7 @@ _RECENT_NS, _WAY_NS = NS_PER_S, NS_PER_S // 10
 
 
 #: Returns the still of a frame of a trial, which is known at least up to the time of the frame;
-#: :func:`msrr_bullet.figures.stills.live_stills` gives one.
+#: :func:`msrr_bullet.figures.frames.stills.live_stills` gives one.
 StillDrawer = Callable[[CameraView, SnapshotInterpolator], Still]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
-from msrr_bullet.figures.style import PAPER, SMALL, controller_style, new_figure, save, styled
+from msrr_bullet.figures.plots.style import PAPER, SMALL, controller_style, new_figure, save, styled
 from msrr_bullet.statistics import Rate, quantile, quantile_interval
 from msrr_bullet.studies.measures import MEASURES, PATH_FOLLOWING, Measure
 from msrr_bullet.studies.model import Ablations, Measured, Row

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
-from msrr_bullet.figures.style import FAINT, PAPER, controller_style, new_figure, save, styled
+from msrr_bullet.figures.plots.style import FAINT, PAPER, controller_style, new_figure, save, styled
 from msrr_bullet.studies.series import Figure6, Series
 from msrr_scenes.arrays import Array
 

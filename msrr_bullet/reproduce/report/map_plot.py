@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
-from msrr_bullet.figures.style import PAPER, SMALL, controller_style, new_figure, save, styled
+from msrr_bullet.figures.plots.style import PAPER, SMALL, controller_style, new_figure, save, styled
 from msrr_bullet.reproduce.report.gain_delay_findings import DOCKS
 from msrr_bullet.studies.gain_delay import C1, C1_WITHOUT, C2_WITH
 from msrr_bullet.studies.labels import C2

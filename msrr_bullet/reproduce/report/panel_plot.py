@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
-from msrr_bullet.figures.style import (
+from msrr_bullet.figures.plots.style import (
     FAINT,
     HAZARD,
     PAPER,

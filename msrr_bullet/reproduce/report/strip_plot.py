@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from msrr_bullet.figures.style import FAINT, PAPER, SMALL, controller_style, new_figure, save, styled
+from msrr_bullet.figures.plots.style import FAINT, PAPER, SMALL, controller_style, new_figure, save, styled
 from msrr_bullet.statistics import Rate
 from msrr_bullet.studies.measures import Measure
 from msrr_bullet.studies.model import Row, Table

@@ -142,7 +142,7 @@ def test_what_was_read_is_reported_where_the_next_picture_cannot_be_drawn(
             if path.name.startswith("tag2"):
                 raise error
 
-        monkeypatch.setattr("msrr_bullet.figures.canvas.write_png", fail_at_second)
+        monkeypatch.setattr("msrr_bullet.figures.drawing.canvas.write_png", fail_at_second)
         assert run(["detect", str(folder), "--out", "drawn", "--json", "n.json"]) == code
         assert "2 pictures, 2 tags" in capfd.readouterr().out
         assert len(json.loads(Path("n.json").read_text())["images"]) == 2

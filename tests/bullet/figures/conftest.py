@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
-from msrr_bullet.figures.annotation import DrawingContext
-from msrr_bullet.figures.canvas import bgr
+from msrr_bullet.figures.drawing.canvas import bgr
+from msrr_bullet.figures.frames.annotation import DrawingContext
 from msrr_bullet.log import Log
 from msrr_bullet.timeline.camera_views import CameraView, read_camera_views, read_exposures
 from msrr_bullet.timeline.interpolation import SnapshotInterpolator

@@ -11,16 +11,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from msrr_bullet.cli.app import run
-from msrr_bullet.figures import mission_chart
-from msrr_bullet.figures.annotation import DrawingContext
-from msrr_bullet.figures.canvas import Canvas, on_paper, table
-from msrr_bullet.figures.frame_files import FrameAnnotator
-from msrr_bullet.figures.mission_chart import draw_mission_chart
-from msrr_bullet.figures.mission_view import docked_pairs, driven_way
-from msrr_bullet.figures.overhead_frame import draw_overhead
-from msrr_bullet.figures.plot import write_plot
-from msrr_bullet.figures.summary import write_picture
-from msrr_bullet.figures.top_view import draw_top_view
+from msrr_bullet.figures.drawing.canvas import Canvas, on_paper, table
+from msrr_bullet.figures.drawing.mission_marks import docked_pairs, driven_way
+from msrr_bullet.figures.frames.annotation import DrawingContext
+from msrr_bullet.figures.frames.frame_files import FrameAnnotator
+from msrr_bullet.figures.frames.overhead_frame import draw_overhead
+from msrr_bullet.figures.plots import mission_chart
+from msrr_bullet.figures.plots.mission_chart import draw_mission_chart
+from msrr_bullet.figures.plots.run_plot import write_plot
+from msrr_bullet.figures.plots.summary import write_picture
+from msrr_bullet.figures.plots.top_view import draw_top_view
 from msrr_bullet.timeline import palette
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.mission_series import EventKind, MissionEvent, activity_spans, unit_events

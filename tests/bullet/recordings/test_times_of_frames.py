@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.figures.stills import draw_stills
+from msrr_bullet.figures.frames.stills import draw_stills
 from msrr_bullet.log import read_log
 from msrr_bullet.recordings.perceiver import PerceivedInstant
 from msrr_bullet.recordings.recording import RecordingError

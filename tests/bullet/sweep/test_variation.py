@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from msrr_bullet.figures.style import styled
+from msrr_bullet.figures.plots.style import styled
 from msrr_bullet.statistics import wilson
 from msrr_bullet.sweep import variation_plot
 from msrr_bullet.sweep.sweep import run_sweep

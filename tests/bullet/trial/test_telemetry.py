@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.figures.stills import live_stills
+from msrr_bullet.figures.frames.stills import live_stills
 from msrr_bullet.log import ClearanceRecord, MemoryRecorder, StartPoses, TruePose
 from msrr_bullet.log.header import LogHeader
 from msrr_bullet.log.mcap_recorder import McapRecorder

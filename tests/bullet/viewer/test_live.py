@@ -23,7 +23,7 @@ import tornado.httpclient
 import tornado.websocket
 import umsgpack
 
-from msrr_bullet.figures.stills import live_stills
+from msrr_bullet.figures.frames.stills import live_stills
 from msrr_bullet.timeline.camera_views import read_camera_views, read_exposures
 from msrr_bullet.viewer import live, live_cameras
 from msrr_bullet.viewer.live import LiveViewer, ViewerError

@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from msrr_bullet.figures import stills as stills_module
-from msrr_bullet.figures.stills import draw_stills
+from msrr_bullet.figures.frames import stills as stills_module
+from msrr_bullet.figures.frames.stills import draw_stills
 from msrr_bullet.log.records import Event, Level
 from msrr_bullet.timeline import palette
 from msrr_bullet.timeline.interpolation import SnapshotInterpolator

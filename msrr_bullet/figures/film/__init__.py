@@ -1,0 +1,1 @@
+"""The film of a run: its pictures, the view of the whole scene in three dimensions, and its file."""

@@ -1,0 +1,1 @@
+"""Annotated camera frames of a run, as files and as stills, and annotated photographs."""
