@@ -7,6 +7,7 @@ from pathlib import Path
 from msrr_bullet.run import run_trial
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.whole_files import write_whole
 
 #: Time between two samples [s].
 _INTERVAL_S = 5e-4
@@ -35,4 +36,4 @@ def profile_trial(scene: Scene, path: Path) -> None:
     profiler = Profiler(interval=_INTERVAL_S)
     with profiler:
         run_trial(scene)
-    path.write_text(profiler.output(HTMLRenderer()))
+    write_whole(path, profiler.output(HTMLRenderer()))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +31,7 @@ from msrr_scenes.messages import (
     onboard_camera,
 )
 from msrr_scenes.specs.scene import Scene
-from msrr_scenes.whole_files import part_of, put_in_place
+from msrr_scenes.whole_files import whole_file
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -65,22 +64,17 @@ def write_rerun(log: Log, path: Path) -> None:
         raise MsrrError(
             f"{log.path}: the log ends early, and Rerun reads only whole ones; export it with --csv"
         )
-    file = path.resolve()
-    part = part_of(file, ".rrd")
     try:
-        part.write_bytes(b"")  # Rerun's own error is an error of its program
-        _write(log, part)
-        # A thread of Rerun writes the file, and does not report that it cannot; the footer comes last.
-        if not part.read_bytes()[-_FOOTER_SIZE:].startswith(_FOOTER):
-            raise MsrrError(f"{path}: cannot be written to its end; is the disk full?")
-        put_in_place(part, file)
+        with whole_file(path, ".rrd") as part:
+            part.write_bytes(b"")  # Rerun's own error is an error of its program
+            _write(log, part)
+            # A thread of Rerun writes the file, and does not report that it cannot; the footer comes last.
+            if not part.read_bytes()[-_FOOTER_SIZE:].startswith(_FOOTER):
+                raise MsrrError(f"{path}: cannot be written to its end; is the disk full?")
     except OSError as error:
         raise MsrrError(f"{path}: cannot be written ({error.strerror})") from None
     except RuntimeError as error:
         raise MsrrError(f"{path}: Rerun cannot write it: {error}") from None
-    finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
 
 
 def _write(log: Log, path: Path) -> None:

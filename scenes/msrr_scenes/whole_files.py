@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -24,21 +26,38 @@ def put_in_place(part: Path, file: Path) -> None:
     part.replace(file)
 
 
-def write_whole(file: Path, text: str) -> None:
-    """Write a text file in UTF-8; an older one of that name is lost only when the new one is whole.
+@contextmanager
+def whole_file(file: Path, ending: str = ".part") -> Iterator[Path]:
+    """Give the path to write to: that of a part, which becomes the file when the block ends without an error.
 
-    A link leads to the file that is written, and a device or a pipe is written as it is.
+    After an error or an interrupt an older file of that name is as before. A link leads to the file that is
+    written, and a device or a pipe is written as it is.
+
+    Args:
+        file: The file.
+        ending: Ending of the name of the part, where what writes it asks for one.
+
+    Raises:
+        OSError: The part cannot be put in place.
+    """
+    file = file.resolve()
+    if file.exists() and not file.is_file():
+        yield file
+        return
+    part = part_of(file, ending)
+    try:
+        yield part
+        put_in_place(part, file)
+    finally:
+        with suppress(OSError):  # the error before it says more
+            part.unlink(missing_ok=True)
+
+
+def write_whole(file: Path, content: str | bytes) -> None:
+    """Write a file as :func:`whole_file` does: bytes, or a text in UTF-8.
 
     Raises:
         OSError: It cannot be written. That of a full disk does not name it.
     """
-    file = file.resolve()
-    if file.exists() and not file.is_file():
-        file.write_text(text, encoding="utf-8")
-        return
-    part = part_of(file)
-    try:
-        part.write_text(text, encoding="utf-8")
-        put_in_place(part, file)
-    finally:
-        part.unlink(missing_ok=True)
+    with whole_file(file) as part:
+        part.write_bytes(content.encode() if isinstance(content, str) else content)

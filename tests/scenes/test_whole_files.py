@@ -11,7 +11,7 @@ import pytest
 
 from msrr_scenes.loading.calibration_file import read_calibration, write_calibration
 from msrr_scenes.specs.sensors import CalibrationSpec
-from msrr_scenes.whole_files import write_whole
+from msrr_scenes.whole_files import whole_file, write_whole
 
 Room = Callable[[int], AbstractContextManager[None]]
 
@@ -34,3 +34,19 @@ def test_a_link_leads_to_the_file_and_a_device_stays_one(tmp_path: Path) -> None
     assert file.read_text() == "told"
     write_whole(Path(os.devnull), "told")
     assert Path(os.devnull).is_char_device()
+
+
+def test_an_interrupt_leaves_the_older_file(tmp_path: Path) -> None:
+    file = tmp_path / "film.mp4"
+    write_whole(file, b"older")
+
+    def interrupted() -> None:
+        with whole_file(file, ".mp4") as part:
+            part.write_bytes(b"new")
+            assert part.suffix == ".mp4"
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert file.read_bytes() == b"older"
+    assert os.listdir(tmp_path) == ["film.mp4"]

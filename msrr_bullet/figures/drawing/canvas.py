@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from msrr_bullet.figures.drawing.figure_file import write_figure
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 
@@ -241,8 +242,4 @@ def write_png(path: Path, image: Image) -> Path:
     encoded, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 6])
     if not encoded:
         raise MsrrError(f"{path}: cannot make a PNG of an image of shape {image.shape}")
-    try:
-        path.write_bytes(data.tobytes())
-    except OSError as error:
-        raise MsrrError(f"{path}: cannot be written ({error.strerror})") from None
-    return path
+    return write_figure(path, data.tobytes())

@@ -15,7 +15,7 @@ from cv2.utils import logging
 
 from msrr_bullet.figures.drawing.canvas import Image
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.whole_files import part_of, put_in_place
+from msrr_scenes.whole_files import part_of, put_in_place, write_whole
 
 #: Pictures in a second of a film.
 RATE = 25
@@ -93,8 +93,7 @@ class FilmFile:
             if self._writer is not None:
                 self._finish(self._writer, broken_off=kind is not None)
             elif kind is None and self._gif:
-                self._part.write_bytes(_gif(self._path, self._gif))
-                put_in_place(self._part, self._path.resolve())
+                write_whole(self._path, _gif(self._path, self._gif))
         except OSError as failure:
             raise FilmError(f"{self._path}: cannot be written ({failure.strerror})") from None
         finally:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from contextlib import AbstractContextManager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from msrr_bullet.figures.drawing.figure_file import write_figure
 from msrr_bullet.timeline.palette import BLACK, BLUE, GREEN, OBSTACLE, ORANGE, PURPLE, VERMILLION, css
 from msrr_scenes.errors import MsrrError
 
@@ -104,9 +106,7 @@ def save(figure: Figure, path: Path) -> Path:
         MsrrError: The ending names no such format, or the file cannot be written.
     """
     check_format(path)
-    try:
-        with rc_context({"svg.hashsalt": "msrr"}):
-            figure.savefig(path, metadata=_METADATA[path.suffix.lower()])
-    except OSError as error:
-        raise MsrrError(f"{path}: cannot be written ({error.strerror})") from None
-    return path
+    ending, content = path.suffix.lower(), BytesIO()
+    with rc_context({"svg.hashsalt": "msrr"}):
+        figure.savefig(content, format=ending[1:], metadata=_METADATA[ending])
+    return write_figure(path, content.getvalue())
