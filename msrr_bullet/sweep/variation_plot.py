@@ -116,31 +116,49 @@ def plot_variation(variation: Variation, path: str | Path) -> Path:
 def _scale(
     axes: Axes, values: Sequence[str], numbers: Sequence[float] | None
 ) -> Callable[[int, float], float]:
-    """Set the axis of the values, which are numbers or not.
+    """Set the axis of the values, which are numbers or not, with ticks at the values alone.
 
     Returns:
         The place of a value, by its index and by how far aside it is shown, over the width of the axes.
     """
-    low, high = (-0.5, len(values) - 0.5) if numbers is None else (min(numbers), max(numbers))
     if numbers is None:
         upright = _upright(values)
-        axes.set(xticks=range(len(values)), xlim=(low, high))
+        axes.set(xticks=range(len(values)), xlim=(-0.5, len(values) - 0.5))
         axes.set_xticklabels(
             [fill(value, _LABEL // (2 if upright else len(values))) for value in values],
             rotation=90.0 if upright else 0.0,
         )
-    if numbers is None or low <= 0.0 or high / low < _LOGARITHMIC:
-        width = (high - low) or 1.0
-        return lambda index, aside: (numbers[index] if numbers else index) + aside * width
-    shown: list[int] = []  # the ticks whose labels have room beside each other
-    for index in sorted(range(len(values)), key=numbers.__getitem__):
+        return lambda index, aside: index + aside * len(values)
+    low, high = min(numbers), max(numbers)
+    logarithmic = low > 0.0 and high / low >= _LOGARITHMIC
+    width = (high - low) or 1.0
+    along = [math.log(n / low, high / low) if logarithmic else (n - low) / width for n in numbers]
+    shown = _with_room(values, along)
+    axes.set(
+        xscale="log" if logarithmic else "linear",
+        xticks=[numbers[i] for i in shown],
+        xticklabels=[values[i] for i in shown],
+    )
+    axes.minorticks_off()
+    if logarithmic:
+        return lambda index, aside: numbers[index] * (high / low) ** aside
+    return lambda index, aside: numbers[index] + aside * width
+
+
+def _with_room(values: Sequence[str], along: Sequence[float]) -> list[int]:
+    """Return the indices of the values whose labels have room beside each other, from left to right.
+
+    Args:
+        values: The labels.
+        along: Where each stands on the axis, from 0 at its left end to 1 at its right end.
+    """
+    shown: list[int] = []
+    for index in sorted(range(len(values)), key=along.__getitem__):
         last = shown[-1] if shown else None
-        apart = math.inf if last is None else math.log(numbers[index] / numbers[last], high / low)
+        apart = math.inf if last is None else along[index] - along[last]
         if last is None or _LABEL * apart > 1 + 0.5 * (len(values[index]) + len(values[last])):
             shown.append(index)
-    axes.set(xscale="log", xticks=[numbers[i] for i in shown], xticklabels=[values[i] for i in shown])
-    axes.minorticks_off()
-    return lambda index, aside: numbers[index] * (high / low) ** aside
+    return shown
 
 
 def _upright(values: Sequence[str]) -> bool:

@@ -212,14 +212,16 @@ def test_the_plot_shows_rate_and_errors_of_every_level(varied: Variation, drawn:
     ("values", "scale", "ticks"),
     [
         ([10, 30, 400], "log", ["10", "30", "400"]),
-        ([30, 100, 400], "linear", None),
+        ([30, 100, 400], "linear", ["30", "100", "400"]),
+        ([100, 30, 31, 400], "linear", ["30", "100", "400"]),
+        ([30], "linear", ["30"]),
         (["perfect", "careful"], "linear", ["perfect", "careful"]),
     ],
 )
 def test_the_axis_suits_the_values(
     values: list[object],
     scale: str,
-    ticks: list[str] | None,
+    ticks: list[str],
     inline: SupportsSubmit,
     made_up: TrialFunction,
     drawn: list[Figure],
@@ -231,7 +233,9 @@ def test_the_axis_suits_the_values(
     axes = drawn[0].axes[1]
     assert axes.get_xscale() == scale
     labels = [label.get_text() for label in axes.get_xticklabels()]
-    assert ticks is None or labels == ticks
+    assert labels == ticks
+    if scale == "log" or values != labels:
+        np.testing.assert_allclose(axes.get_xticks(), [float(label) for label in labels])
 
 
 def test_a_level_without_a_trial_has_no_rate_in_the_plot(varied: Variation, drawn: list[Figure]) -> None:
@@ -252,6 +256,7 @@ def test_a_curve_goes_through_its_values_in_their_order(varied: Variation, drawn
     "values",
     [
         np.geomspace(1, 200, 60).round(2),
+        np.linspace(-100, 200, 60).round(2),
         [f"{{name: c1, params: {{gain: {i}, slow_down: true}}}}" for i in range(3)],
         [f"a rather long name {i}" for i in range(12)],
         [f"name {i}" for i in range(100)],
