@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -55,6 +56,10 @@ RUNS = Path("runs")
 
 #: What an option takes for standard output instead of a file.
 STANDARD_OUTPUT = Path("-")
+
+#: Where a list of values may lack one, and the commas that show it.
+_AT_THE_END = "after the last comma"
+_GAPS = {_AT_THE_END: r",\s*$", "before the first comma": r"^\s*,", "between two commas": r",\s*,"}
 
 #: Help of ``--seeds``.
 SEEDS_HELP = "Seeds A to B - 1: 0:5 is five trials, 5:6 is seed 5 alone."
@@ -127,7 +132,14 @@ def parse_varied(pairs: Sequence[str] | None) -> dict[str, list[object]]:
             )
         if key in varied:
             raise SceneError(f"--vary {pair}: {key} is varied already; name all of its values at once")
-        varied[key] = parse_document(f"values: [{values}]", f"--vary {pair}").data["values"]
+        gap = next((where for where, commas in _GAPS.items() if re.search(commas, values)), None)
+        missing = SceneError(f"--vary {pair}: there is no value {gap}; give one, or leave that comma out")
+        try:
+            varied[key] = parse_document(f"values: [{values}]", f"--vary {pair}").data["values"]
+        except SceneError as error:
+            raise error if gap is None else missing from error
+        if gap == _AT_THE_END:  # lists of YAML may end with a comma; other gaps that it reads are in texts
+            raise missing
     return varied
 
 
