@@ -160,7 +160,7 @@ def sweep(
             summaries = ended.summaries(interrupted=interrupted)
             if varied:
                 found = Variation.of(choices, summaries)
-                numbers, table = found.to_json, variation_table(found, overrides or ())
+                numbers, table = found.to_json, variation_table(found, console.width, overrides or ())
             else:
                 numbers, table = summaries[0].to_json, sweep_table(summaries[0], overrides or ())
             # Before anything is shown, for the reader of the standard output may have gone away.

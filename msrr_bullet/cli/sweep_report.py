@@ -19,6 +19,9 @@ if TYPE_CHECKING:  # it loads scipy.stats, which takes as long as half a trial
 
 _UNKNOWN = "-"
 
+#: What a column of a table takes beside its text, in characters: a line, and a space on both sides.
+_BORDER = 3
+
 
 def sweep_table(summary: SweepSummary, overrides: Sequence[str] = ()) -> Table:
     """Return the table of a sweep; below it stand the values that were set, each ``KEY=VALUE``."""
@@ -63,8 +66,14 @@ def sweep_table(summary: SweepSummary, overrides: Sequence[str] = ()) -> Table:
     return table
 
 
-def variation_table(variation: Variation, overrides: Sequence[str] = ()) -> Table:
-    """Return the table of a variation; below it stand the values that were set at all levels."""
+def variation_table(variation: Variation, width: int, overrides: Sequence[str] = ()) -> Table:
+    """Return the table of a variation; below it stand the values that were set at all levels.
+
+    Args:
+        variation: The variation.
+        width: Width of the console, in characters.
+        overrides: The values that were set, each ``KEY=VALUE``.
+    """
     failures = sum(len(level.summary.failures) for level in variation.levels)
     notes = [_not_successes(failures, f"not {variation.goal}")] if failures else []
     notes += [
@@ -73,11 +82,28 @@ def variation_table(variation: Variation, overrides: Sequence[str] = ()) -> Tabl
     ]
     caption = Text("\n".join(notes), "table.caption")
     table = Table(title=variation.title, title_justify="left", caption=caption, caption_justify="left")
-    for column in variation.head():
-        table.add_column(Text(column), justify="right", overflow="fold")
-    for row in variation.rows():
+    head, rows = variation.head(), variation.rows()
+    whole = _one_word_columns([head, *([" ".join(cell) for cell in row] for row in rows)], width)
+    for title, kept in zip(head, whole, strict=True):
+        table.add_column(Text(title), justify="right", overflow="fold", no_wrap=kept)
+    for row in rows:
         table.add_row(*(_with_bounds(text, bounds) for text, bounds in row))
     return table
+
+
+def _one_word_columns(rows: Sequence[Sequence[str]], width: int) -> list[bool]:
+    """Return of each column whether it holds single words, for which the console has room.
+
+    Rich makes all columns equally narrow where a table is too wide, and would break these words; other texts
+    it breaks between their words. Where the latter would have too little room, it may do as it likes.
+    """
+    words = [[text.split() for text in column] for column in zip(*rows, strict=True)]
+    longest = [max(len(word) for text in column for word in text) for column in words]
+    single = [all(len(text) <= 1 for text in column) for column in words]
+    left = width - 1 - sum(_BORDER + single[i] * longest[i] for i in range(len(longest)))
+    others = [length for length, alone in zip(longest, single, strict=True) if not alone]
+    fits = left >= len(others) * max(others, default=0)
+    return [alone and fits for alone in single]
 
 
 def _not_successes(trials: int, failed: str) -> str:

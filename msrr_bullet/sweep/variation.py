@@ -106,9 +106,9 @@ class Variation(BaseModel, frozen=True):
             self.goal,
             *(["last lock [s]"] if self._has_missions else []),
             *(["step"] if len(self.steps) > 1 else []),
-            "lateral error [mm], median",
-            "lateral error [mm], 95 %",
-            "yaw error [deg], 95 %",
+            "lateral error,\nmedian [mm]",
+            "lateral error,\n95 % [mm]",
+            "yaw error,\n95 % [deg]",
         ]
 
     def rows(self) -> list[list[tuple[str, str]]]:

@@ -227,6 +227,19 @@ def test_a_sweep_at_several_values(short_trial: list[str], tmp_path: Path, capsy
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.usefixtures("sweeps_here")
+def test_a_narrow_terminal_breaks_no_word_of_the_table(
+    short_trial: list[str], capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    arguments = ["sweep", "close_range", *short_trial[:-2], "--seeds", "0:1", "--jobs", "1", "--fresh"]
+    run([*arguments, "--vary", "time_limit_s=1,20"])
+    lines = capsys.readouterr().out.splitlines()
+    head = {word for line in lines if line.startswith("\u2503") for word in line.split()}
+    assert {"time_limit_s", "docked", "lateral", "error,", "median", "[mm]", "95", "[deg]"} <= head
+    assert {len(line) for line in lines if line[0] in "\u250f\u2503\u2502\u2514"} == {60}
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [
@@ -234,6 +247,9 @@ def test_a_sweep_at_several_values(short_trial: list[str], tmp_path: Path, capsy
         (["--vary", "time_limit_s"], "--vary time_limit_s: expected KEY=VALUE,VALUE"),
         (["--vary", "time_limit_s="], "--vary time_limit_s=: expected KEY=VALUE,VALUE"),
         (["--vary", "time_limit_s=[1"], "--vary time_limit_s=[1: not valid YAML"),
+        (["--vary", "time_limit_s=8,"], "=8,: there is no value after the last comma; give one, or leave"),
+        (["--vary", "time_limit_s=,8"], "=,8: there is no value before the first comma"),
+        (["--vary", "time_limit_s=8, ,9"], "=8, ,9: there is no value between two commas"),
         (["--vary", "as_built=rough", "--vary", "as_built=careful"], "as_built is varied already"),
         (["--set", "as_built=rough", "--vary", "as_built=careful"], "--set sets it to one value"),
         (

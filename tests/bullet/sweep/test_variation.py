@@ -114,7 +114,7 @@ def test_the_table_has_a_row_for_every_level_and_every_step(
     varied: Variation, inline: SupportsSubmit, made_up: TrialFunction
 ) -> None:
     assert varied.title == f"close_range (bullet, images) at 6 combinations of {LATENCY} and {CONTROLLER}"
-    assert varied.head()[:4] == ["latency_ms", "docking", "docked", "lateral error [mm], median"]
+    assert varied.head()[:4] == ["latency_ms", "docking", "docked", "lateral error,\nmedian [mm]"]
     interval = "67.6 .. 100.0"
     assert [row[:3] for row in varied.rows()] == [
         [(ms, ""), (law, ""), ("8 of 8", interval)]
