@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -147,7 +147,7 @@ def sweep(
             with naming_overrides(given):
                 interrupted, stopped = _run_trials(
                     scenes,
-                    wanted,
+                    shown.checking(scenes, wanted),
                     kept,
                     dask,
                     jobs,
@@ -181,7 +181,7 @@ def sweep(
 
 def _run_trials(
     scenes: Sequence[Scene],
-    seeds: Sequence[int],
+    batches: Iterable[tuple[Scene, Sequence[int]]],
     store: Path | None,
     dask: str | None,
     jobs: int | None,
@@ -200,7 +200,6 @@ def _run_trials(
     from msrr_bullet.sweep.trial_store import StoreError
     from msrr_bullet.sweep.trials import run_trials
 
-    batches = [(scene, seeds) for scene in scenes]
     run = partial(run_trials, batches, store=store, observer=observer, wall_limit_s=wall_limit_s)
     try:
         if dask is not None:

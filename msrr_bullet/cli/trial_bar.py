@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 
 from rich.progress import Progress
@@ -31,6 +31,20 @@ class TrialBar:
         self._goal = " or ".join(dict.fromkeys(goal.value for goal in goals))
         self._task = bar.add_task(self._name, total=trials)
         self._succeeded = 0
+
+    def checking(
+        self, scenes: Sequence[Scene], seeds: Sequence[int]
+    ) -> Iterator[tuple[Scene, Sequence[int]]]:
+        """Yield each scene with its seeds, which is checked then, and show how many have been.
+
+        A thousand scenes may take a minute, in which no trial begins.
+        """
+        for number, scene in enumerate(scenes, 1):
+            if len(scenes) > 1:
+                description = f"{self._name}, checking scene {number} of {len(scenes)}"
+                self._bar.update(self._task, description=description)
+            yield scene, seeds
+        self._bar.update(self._task, description=self._name)
 
     def show(self, outcome: TrialResult | TrialFailure, stored: bool) -> None:
         """Show a trial that has ended; an observer of sweeps."""

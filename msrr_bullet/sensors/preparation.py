@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
+from pathlib import Path
 
 import numpy as np
 
@@ -32,14 +33,21 @@ def prepare_cameras(scene: Scene, announce: Callable[[str], None]) -> None:
     Raises:
         NoRoomError: The folder in which they are stored is full.
     """
-    with room_for("machine code", "NUMBA_CACHE_DIR", perception.folder):
-        _prepare(scene, announce)
-
-
-def _prepare(scene: Scene, announce: Callable[[str], None]) -> None:
     draws = scene.perception == "images"
-    lenses = [distorts for renderer, distorts in _lenses(scene) if renderer == "raster"]
-    if draws and lenses:
+    lenses = tuple(distorts for renderer, distorts in _lenses(scene) if draws and renderer == "raster")
+    needs = perception.folder, draws, lenses
+    if needs not in _PREPARED:
+        with room_for("machine code", "NUMBA_CACHE_DIR", perception.folder):
+            _prepare(draws, lenses, announce)
+        _PREPARED.add(needs)
+
+
+#: What this process has prepared: the folder, whether images are drawn, and which lenses distort.
+_PREPARED: set[tuple[Path, bool, tuple[bool, ...]]] = set()
+
+
+def _prepare(draws: bool, lenses: Sequence[bool], announce: Callable[[str], None]) -> None:
+    if lenses:
         from msrr_bullet.render.raster.rasterizer import compile_kernels
 
         with nullcontext() if perception.is_compiled(intersect_edges) else _perception_compiled_beside():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from msrr_bullet.sweep.provenance import code_fingerprint
+from msrr_bullet.sweep.provenance import code_fingerprint, own_code
 from msrr_bullet.sweep.summarise import summarise
 from msrr_bullet.sweep.summary import SweepSummary, TrialFailure
 from msrr_bullet.trial.result import TrialResult
@@ -22,7 +22,8 @@ class EndedTrials:
     """
 
     def __init__(self, scenes: Sequence[Scene], seeds: Sequence[int]) -> None:
-        self._codes = [code_fingerprint(scene) for scene in scenes]
+        own = own_code()
+        self._codes = [code_fingerprint(scene, own=own) for scene in scenes]
         self._hashes = [scene_hash(scene) for scene in scenes]
         self._scenes, self._seeds = scenes, seeds
         self._ended: dict[tuple[str, int], TrialResult | TrialFailure] = {}

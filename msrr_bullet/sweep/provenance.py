@@ -14,7 +14,7 @@ from msrr_scenes.registry import choices, is_import_path
 from msrr_scenes.specs.scene import Scene
 
 
-def code_fingerprint(scene: Scene, *, imported: bool = False) -> str:
+def code_fingerprint(scene: Scene, *, imported: bool = False, own: bytes | None = None) -> str:
     """Return a digest of the code that a trial of ``scene`` runs.
 
     It covers the versions of the packages that can change a bit, every source file of this project, and of
@@ -25,9 +25,10 @@ def code_fingerprint(scene: Scene, *, imported: bool = False) -> str:
         scene: The scene.
         imported: Whether all of these files count as they were when this process imported them, or first
             asked: a process that lives on runs what it has imported, and one that it spawns what is there.
+        own: What :func:`own_code` has returned, for many scenes at once; None looks at the files again.
     """
     digest = hashlib.blake2b(digest_size=12)
-    digest.update(_as_first_asked() if imported else _own_code())
+    digest.update(_as_first_asked() if imported else own or own_code())
     for module in sorted({c.name.partition(":")[0] for c in choices(scene) if is_import_path(c)}):
         digest.update(module.encode())
         digest.update(digest_of(module, imported=imported))
@@ -36,6 +37,11 @@ def code_fingerprint(scene: Scene, *, imported: bool = False) -> str:
 
 @lru_cache(maxsize=1)
 def _as_first_asked() -> bytes:
+    return own_code()
+
+
+def own_code() -> bytes:
+    """Return a digest of the package versions and of every source file of this project, as they are now."""
     return _own_code()
 
 

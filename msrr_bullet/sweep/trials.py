@@ -15,7 +15,7 @@ from pathlib import Path
 
 from msrr_bullet.seeds import checked_seed
 from msrr_bullet.sensors.preparation import prepare_cameras
-from msrr_bullet.sweep.provenance import code_fingerprint
+from msrr_bullet.sweep.provenance import code_fingerprint, own_code
 from msrr_bullet.sweep.remote_trial import remote_trial
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_store import TrialStore
@@ -93,7 +93,7 @@ class _WantedTrials:
         self.codes: dict[str, str] = {}
         self.missing: deque[TrialTask] = deque()
         self._asked: set[tuple[str, int]] = set()
-        self._store, self._observer = store, observer
+        self._store, self._observer, self._own = store, observer, own_code()
 
     def add(self, scene: Scene, seeds: Iterable[int], runs_here: bool) -> None:
         """Ask for trials of a scene; those in the store have ended.
@@ -103,7 +103,7 @@ class _WantedTrials:
             seeds: Seeds of its trials.
             runs_here: Whether missing trials are run on this machine, so that what they read is prepared.
         """
-        digest, code = scene_hash(scene), code_fingerprint(scene)
+        digest, code = scene_hash(scene), code_fingerprint(scene, own=self._own)
         self.codes[digest] = code
         new = [seed for seed in dict.fromkeys(map(checked_seed, seeds)) if (digest, seed) not in self._asked]
         self._asked.update((digest, seed) for seed in new)

@@ -53,8 +53,3 @@ def looked_for(obj: Path) -> list[Path]:
         return _beside(obj)
     images = [[image for _, image in _named_images(library)] for library in libraries]
     return [file for library, named in zip(libraries, images, strict=True) for file in (library, *named)]
-
-
-def named_by_obj(obj: Path) -> list[Path]:
-    """Return the files that exist of those that tell how an OBJ file looks, in the order of naming."""
-    return [file for file in dict.fromkeys(looked_for(obj)) if file.is_file()]

@@ -6,6 +6,7 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
+from copy import deepcopy
 from pathlib import Path
 from types import MappingProxyType
 from typing import TypeVar
@@ -15,8 +16,9 @@ from pydantic import ValidationError
 
 from msrr_scenes.checks.contradictions import contradictions, overrides_without_effect
 from msrr_scenes.checks.problems import KeyPath, Problem, dotted
-from msrr_scenes.errors import SceneError, UnknownNameError
-from msrr_scenes.geometry.obj_file import named_by_obj
+from msrr_scenes.errors import MsrrError, SceneError, UnknownNameError
+from msrr_scenes.file_cache import FileCache
+from msrr_scenes.geometry.obj_file import looked_for
 from msrr_scenes.geometry.unit_geometry import library_folder
 from msrr_scenes.geometry.urdf_file import elements_with_files, named_file
 from msrr_scenes.loading.embedded_files import embed_calibrations, embed_maps
@@ -96,7 +98,7 @@ def load_scene(
     if not isinstance(overrides, Mapping) or not all(isinstance(key, str) for key in overrides):
         raise SceneError(f"{name_or_path}: expected overrides as a dict of dotted keys, found {overrides!r}")
     path = find_scene(str(name_or_path))
-    document = read_document(path)
+    document = deepcopy(_parsed(path))
     texts = {key: override_text(key, value) for key, value in overrides.items()}
     apply_overrides(document, texts, told_as)
     if "source" in document.data:
@@ -106,7 +108,20 @@ def load_scene(
     embed_maps(document, path.parent)
     scene = validated(Scene, document).model_copy(update={"source": path.resolve()})
     refuse(document, [*contradictions(scene), *overrides_without_effect(scene, overrides)])
+    _note_as_good(scene_hash(scene))
     return scene
+
+
+#: Digests of scenes without contradictions, the newest last, and the largest number of them. A digest covers
+#: all that contradictions follow from, and to look for them takes a tenth of a second on a slow machine.
+_GOOD: dict[str, None] = {}
+_MOST_GOOD = 10_000
+
+
+def _note_as_good(digest: str) -> None:
+    _GOOD[digest] = None
+    while len(_GOOD) > _MOST_GOOD:
+        _GOOD.pop(next(iter(_GOOD)), None)
 
 
 def read_document(path: Path) -> YamlDocument:
@@ -118,15 +133,27 @@ def read_document(path: Path) -> YamlDocument:
     return parse_document(read_text(path), str(path))
 
 
+#: Scene files, of which a variation loads one with each of its values.
+_parsed = FileCache(lambda path: (read_document(path), [path]), most=8)
+
+
 def check_scene(scene: Scene) -> None:
     """Check a scene that was built in Python for contradictions, as :func:`load_scene` does for a file.
+
+    One that was checked before, by either function, is not checked again while its files stay as they are.
 
     Raises:
         SceneError: The scene is unusable; one message lists every problem.
         TypeError: It is no scene, but the name of one, for example.
     """
     _expect_scene(scene)
-    refuse(YamlDocument({}), contradictions(scene))
+    try:
+        digest = scene_hash(scene)
+    except (MsrrError, OSError, ElementTree.ParseError):  # of a URDF, which the checks explain
+        digest = None
+    if digest is None or digest not in _GOOD:
+        refuse(YamlDocument({}), contradictions(scene))
+        _note_as_good(scene_hash(scene))
 
 
 def scene_hash(scene: Scene) -> str:
@@ -148,8 +175,15 @@ def scene_hash(scene: Scene) -> str:
     return digest.hexdigest()
 
 
-def _digests_of_files(urdf: Path) -> bytes:
-    return b"".join(hashlib.blake2b(file.read_bytes()).digest() for file in _files_of(urdf))
+def _read_digests(urdf: Path) -> tuple[bytes, list[Path]]:
+    """Return the digests of the files of a URDF, and where files were looked for."""
+    files = _files_of(urdf)
+    found = (hashlib.blake2b(file.read_bytes()).digest() for file in files if file.is_file())
+    return b"".join(found), files
+
+
+#: Digests of the files of URDFs: a sweep asks for those of one robot many thousand times.
+_digests_of_files = FileCache(_read_digests, most=64)
 
 
 def _expect_scene(scene: object) -> None:
@@ -163,11 +197,14 @@ def plain_name(stem: str) -> str:
 
 
 def _files_of(urdf: Path) -> list[Path]:
-    """Return the URDF, its meshes and textures, and those that its meshes name, in the order of naming."""
+    """Return the URDF, its meshes and textures, and those that its meshes name, in the order of naming.
+
+    Files that do not exist are among them.
+    """
     named = [e.attrib["filename"] for e in elements_with_files(ElementTree.parse(urdf).getroot())]
-    files = [p for p in (named_file(urdf, name) for name in dict.fromkeys(named)) if p.is_file()]
-    meshes = [p for p in files if p.suffix.lower() == ".obj"]
-    return [urdf, *files, *(p for mesh in meshes for p in named_by_obj(mesh))]
+    files = [named_file(urdf, name) for name in dict.fromkeys(named)]
+    meshes = [p for p in files if p.suffix.lower() == ".obj" and p.is_file()]
+    return [urdf, *files, *(p for mesh in meshes for p in dict.fromkeys(looked_for(mesh)))]
 
 
 def validated(kind: type[_Kind], document: YamlDocument) -> _Kind:

@@ -7,10 +7,14 @@ from typing import Any
 import pytest
 
 from msrr_scenes import check_scene, load_scene, scene_hash
+from msrr_scenes.checks.contradictions import contradictions
+from msrr_scenes.checks.problems import Problem
 from msrr_scenes.errors import MsrrError, SceneError, UnknownNameError
 from msrr_scenes.geometry.unit_geometry import urdf_folder
+from msrr_scenes.loading import load
 from msrr_scenes.loading.load import read_document, shipped_scenes
 from msrr_scenes.specs.control import ControlSpec
+from msrr_scenes.specs.scene import Scene
 
 GOOD = """\
 description: two units, one camera each
@@ -406,6 +410,31 @@ def test_the_hash_follows_the_urdf(tmp_path: Path) -> None:
     urdf = (urdf_folder() / "unit.urdf").read_text()
     (tmp_path / "unit.urdf").write_text(urdf.replace('<mass value="2"/>', '<mass value="3"/>'))
     assert scene_hash(load_scene(path)) != base
+
+
+def test_a_scene_is_checked_again_only_after_a_file_of_it_was_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    urdf = tmp_path / "unit.urdf"
+    urdf.write_text((urdf_folder() / "unit.urdf").read_text())
+    scene = load_scene(write(tmp_path, GOOD))
+    looked: list[Scene] = []
+
+    def looks(found: Scene) -> list[Problem]:
+        looked.append(found)
+        return contradictions(found)
+
+    monkeypatch.setattr(load, "contradictions", looks)
+    check_scene(scene)
+    check_scene(scene.model_copy(update={"description": "the same in other words"}))
+    assert not looked
+    lower = scene.model_copy(update={"time_limit_s": 0.5 * scene.time_limit_s})
+    check_scene(lower)
+    assert looked == [lower]
+    urdf.write_text(urdf.read_text().replace("<link", "<lnk"))
+    with pytest.raises(MsrrError, match="not well-formed XML"):
+        check_scene(scene)
+    assert looked == [lower, scene]
 
 
 def test_a_plugin_of_another_simulator_in_a_urdf_is_no_file_of_the_scene(tmp_path: Path) -> None:
