@@ -98,8 +98,8 @@ def folder_of(run: Path) -> Path:
     return run if run.is_dir() else run.parent
 
 
-def parse_overrides(pairs: Sequence[str] | None) -> dict[str, str]:
-    """Parse ``KEY=VALUE`` texts into a mapping.
+def parse_overrides(pairs: Sequence[str] | None, option: str = "--set") -> dict[str, str]:
+    """Parse ``KEY=VALUE`` texts of an option into a mapping.
 
     Raises:
         SceneError: A text has no ``=``, or a key is given twice.
@@ -108,9 +108,9 @@ def parse_overrides(pairs: Sequence[str] | None) -> dict[str, str]:
     for pair in pairs or ():
         key, equals, value = pair.partition("=")
         if not equals or not key:
-            raise SceneError(f"--set {pair}: expected KEY=VALUE, such as cameras.onboard.noise_grey=8")
+            raise SceneError(f"{option} {pair}: expected KEY=VALUE, such as cameras.onboard.noise_grey=8")
         if key in overrides:
-            raise SceneError(f"--set {pair}: {key} is already set to {overrides[key]!r}; give it once")
+            raise SceneError(f"{option} {pair}: {key} is already set to {overrides[key]!r}; give it once")
         overrides[key] = value
     return overrides
 

@@ -102,7 +102,7 @@ class Variation(BaseModel, frozen=True):
     def head(self) -> list[str]:
         """Return the titles of the columns of the table."""
         return [
-            *_titles(list(self.levels[0].values)),
+            *short_keys(list(self.levels[0].values)),
             self.goal,
             *(["last lock [s]"] if self._has_missions else []),
             *(["step"] if len(self.steps) > 1 else []),
@@ -147,7 +147,7 @@ def _tail(values: Quantiles) -> tuple[str, str]:
     return "" if values.p95 is None else f"{values.p95:z.2f}", interval_text(values.p95_interval)
 
 
-def _titles(keys: Sequence[str]) -> list[str]:
+def short_keys(keys: Sequence[str]) -> list[str]:
     """Return the last parts of each key, as few as tell it from the others."""
     parts = [key.split(".") for key in keys]
     titles = []

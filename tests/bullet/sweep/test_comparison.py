@@ -73,6 +73,51 @@ def test_trials_are_paired_by_their_seeds(scene: Scene, made_up: TrialFunction, 
     assert not any(q.is_apart for q in _figure(found, "yaw error").quantiles)
 
 
+KEY = "parametric.sigma_xy_m"
+
+
+@pytest.fixture
+def varied(scene: Scene, made_up: TrialFunction, tmp_path: Path) -> Path:
+    """The table of a variation of three levels, of which the second is 2 mm worse than the first."""
+    values = {digest * 32: {KEY: text} for digest, text in zip("abc", ("0.01", "0.020", "0.04"), strict=True)}
+    outcomes = [
+        _shifted(made_up(scene, seed), 2e-3 * level).model_copy(update={"scene_hash": digest})
+        for level, digest in enumerate(values)
+        for seed in range(50)
+    ]
+    table = tmp_path / "noise.csv"
+    table.write_text(trials_csv(outcomes, values), encoding="utf-8")
+    return table
+
+
+def test_two_levels_of_a_variation_are_compared(varied: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = compare_sweeps(varied, varied, {KEY: "0.01"}, {KEY: "0.02"})
+    assert (found.trials, found.only_first, found.only_second) == (50, 0, 0)
+    assert [q.difference for q in _figure(found, "lateral error").quantiles] == pytest.approx([2.0, 2.0])
+    assert run(["compare", str(varied), "--first", f"{KEY}=0.01", "--second", f"{KEY}=0.04"]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "50 trials with the same seeds" in shown
+    assert "sigma_xy_m = 0.04" in shown
+    assert "+4.00" in shown
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ([], "there is nothing to compare it with; name a second table, or two levels of this one"),
+        (["--first", f"{KEY}=0.01"], "a second time; give one sweep a file, or name one level"),
+        (["--first", f"{KEY}=0.03"], f"no trial with {KEY}=0.03; in the table {KEY} is 0.01 or 0.020 or"),
+        (["--first", "parametric.sigma_xy=1"], f"was not set or varied; did you mean '{KEY}'?"),
+        (["--first", "0.01"], "--first 0.01: expected KEY=VALUE"),
+    ],
+)
+def test_levels_that_the_table_does_not_have_are_named(
+    options: list[str], says: str, varied: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["compare", str(varied), *options]) == 2
+    assert says in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("trials", "intervals"), [(1, 0), (5, 0), (6, 1), (39, 1), (40, 2)])
 def test_a_few_trials_do_not_tell_two_sweeps_apart(
     scene: Scene,
