@@ -31,6 +31,10 @@ _HOLD_M, _HOLD_AFTER_S = 0.005, 2.0
 #: Heading error at which a turn on the spot ends [rad].
 _ALIGNED_RAD = math.radians(2.0)
 
+#: Heading error up to which a unit faces the end of its route [rad]. The base station accepts 2.9 deg, and
+#: may see a rough unit 2 deg beside that unit's own estimate, which knows better how its tag is mounted.
+_FACES_RAD = math.radians(1.0)
+
 #: Way before the end of a route in the open that is not covered before the unit stands there as it is to [m]:
 #: one that reports the whole way, and stands, has arrived.
 _LAST_M = 0.02
@@ -183,8 +187,10 @@ class GuidedAssembler(Generic[State]):
         if abs(error) < _ALIGNED_RAD and abs(observation.twist.w) < _STILL_RADPS:
             return None
         # A unit that has turned too far, because its drive lags, turns back over ground that it has covered.
-        beyond = error * leg.turn < 0.0
-        allowed = math.inf if beyond else max(limit - max(self.covered, begin), 0.0) / self._setup.offset
+        # One that came in askew, by more than the leg turns, turns as far as the limit all the same.
+        beyond, left = error * leg.turn < 0.0, max(leg.end - limit, 0.0) / self._setup.offset
+        allowed = max(abs(error) - left, 0.0) if limit > begin else 0.0
+        allowed = math.inf if beyond else allowed
         return spot_turn(error, self.params, self._setup.limits, allowed)
 
     def _reverse(self, observation: Observation, arena: ArenaMap, limit: float) -> Twist | None:
@@ -210,7 +216,7 @@ class GuidedAssembler(Generic[State]):
         error, end = wrap_angle(self._end_yaw - yaw), self.authority.legs[-1].end
         if self.authority.limit(observation.now_ns, self.covered, 0.0) < end - 1e-9:
             return STILL  # the authority has not been renewed
-        if not self.finished and (abs(error) >= _ALIGNED_RAD or not self._rests(observation)):
+        if not self.finished and (abs(error) >= _FACES_RAD or not self._rests(observation)):
             self._stage = "turn"
             return spot_turn(error, self.params, self._setup.limits)
         self.covered, self.finished = end, True

@@ -277,6 +277,30 @@ def test_a_unit_that_turned_too_far_turns_back_at_once(turn: float) -> None:
     assert unit.X_WU.yaw == pytest.approx(turn, abs=0.05)
 
 
+@pytest.mark.parametrize("turn", [-0.02, 0.02])
+def test_a_unit_that_came_in_askew_turns_at_once_although_its_leg_hardly_turns(turn: float) -> None:
+    """It had crept by 1 deg/s, as what the leg turns limited its rate, until the base station recalled it."""
+    unit = Fleet(STARTS, Mission())._unit("a", SE2(0.0, 0.0, -6.0 * turn), ("b", "c", "d"))
+    leg = RouteLeg(LegKind.TURN, (0.0, 0.0, 0.0), (), (), turn, 0.1 * abs(turn))
+    message = Authority("a", 1, 1, 0, 3_000_000_000, leg.end, (leg,), None, False)
+    now_ns = follow(unit, message, 0.0, 0.5, 0)
+    assert not unit.twist.any()
+    follow(unit, message, leg.end, 2.0, now_ns)
+    assert unit.assembler.finished
+    assert unit.X_WU.yaw == pytest.approx(turn, abs=0.02)
+
+
+@pytest.mark.parametrize("askew_deg", [-1.7, 1.7])
+def test_a_route_in_the_open_ends_within_a_degree_of_its_heading(askew_deg: float) -> None:
+    """What is left of 2.9 deg, at which the base station takes a place as missed, is for how it sees tags."""
+    unit = Fleet(STARTS, Mission())._unit("a", SE2(0.0, 0.0, math.radians(askew_deg)), ("b", "c", "d"))
+    leg = RouteLeg(LegKind.TURN, (0.0, 0.0, 0.0), (), (), 0.001, 0.0001)
+    message = Authority("a", 1, 1, 0, 3_000_000_000, leg.end, (leg,), None, False)
+    follow(unit, message, leg.end, 3.0, 0)
+    assert unit.assembler.finished
+    assert unit.X_WU.yaw == pytest.approx(0.001, abs=math.radians(1.0))
+
+
 def test_it_drives_backwards_as_far_as_granted() -> None:
     yaw = 0.7
     unit = Fleet(STARTS, Mission())._unit("a", SE2(0.0, 0.0, yaw), ("b", "c", "d"))
