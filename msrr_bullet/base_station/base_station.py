@@ -6,9 +6,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_control.coordination.coordinator import Coordinator
 from msrr_control.coordination.embedding import fits
+from msrr_control.coordination.goal_tolerance import DEFAULT_TOLERANCE, GoalTolerance
 from msrr_control.coordination.mission import Mission
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.shapes.bodies import ACTIVE_PORT
@@ -212,15 +215,16 @@ def coordination_setup(scene: Scene) -> CoordinationSetup:
     box = max(x0), min(x1), max(y0), min(y1)  # where every unit is seen: a large top tag is not at the edge
     routes = RouteParams(params.route, params.walls, params.pace)
     retreat_m = scene.docking.retreat_m + 0.05
-    return CoordinationSetup.of(first, routes, box, retreat_m, setups[0].border, _distance_error(scene))
+    model = OverheadModel.from_scene(scene, names)
+    distance_error, tolerance = _distance_error(scene, model), _tolerance(scene, model)
+    return CoordinationSetup.of(first, routes, box, retreat_m, setups[0].border, distance_error, tolerance)
 
 
-def _distance_error(scene: Scene) -> float:
+def _distance_error(scene: Scene, model: OverheadModel) -> float:
     """Return what two units that are beside each other may be nearer than they seem from above [m].
 
     It is as much as their collision monitors take them to be nearer.
     """
-    model = OverheadModel.from_scene(scene, scene.units)
     sigma = 0.0
     for tag in model.tags.values():
         errors = model.errors.of(tag, SE2())
@@ -229,3 +233,13 @@ def _distance_error(scene: Scene) -> float:
             arena = ArenaEstimate(0, unit, None, (), (), 0, model.errors.strain)
             sigma = max(sigma, arena.sigma_between(unit, reach, reach))
     return scene.control.guard.sigmas * sigma
+
+
+def _tolerance(scene: Scene, model: OverheadModel) -> GoalTolerance:
+    """Return how near the end of its route a unit has to be seen to have arrived.
+
+    Units learn how their own tags are held on their roofs, and end their routes by that; the base station
+    sees them as if the tags were held as designed.
+    """
+    x, y, yaw = scene.control.guard.sigmas * np.max([model.roof(unit) for unit in scene.units], axis=0)
+    return DEFAULT_TOLERANCE.widened(max(x, y), yaw)

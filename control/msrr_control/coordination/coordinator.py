@@ -62,7 +62,7 @@ class Coordinator:
         self._hopeless_ns: int | None = None
         self._replans = self._most_replans = 0
         self._done: tuple[str, ...] = ()  # tasks of the shapes before
-        self._watch, self._recall = Watch(self._patience), Recall(self._patience)
+        self._watch, self._recall = Watch(self._patience, setup.tolerance), Recall(self._patience)
         self._states = UnitStates(self._units, self._watch)
         self._set_out(mission)
 

@@ -32,8 +32,6 @@ class Patience:
             once, after which it counts as failed or as lost.
         hopeless_s: Time without a route for anybody after which a task is given up.
         replans: Largest number of times that routes are planned anew.
-        arrived_m: Distance from the end of a move up to which it is done.
-        arrived_rad: Heading error up to which it is done.
     """
 
     rate_hz: float = 5.0
@@ -51,8 +49,6 @@ class Patience:
     dock_s: float = 150.0
     hopeless_s: float = 5.0
     replans: int = 12
-    arrived_m: float = 0.03
-    arrived_rad: float = 0.05
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from msrr_control.coordination.embedding import Travel
+from msrr_control.coordination.goal_tolerance import DEFAULT_TOLERANCE, GoalTolerance
 from msrr_control.planning.free_space import Bounds
 from msrr_control.planning.route import ARENA_BORDER
 from msrr_control.shapes.bodies import Body
@@ -23,12 +24,14 @@ class CoordinationSetup:
         finder: Finds tracks.
         travel: Assumed speeds.
         retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
+        tolerance: How near the end of a move a unit has to be seen.
     """
 
     lanes: Lanes
     finder: RouteFinder
     travel: Travel
     retreat_m: float
+    tolerance: GoalTolerance = DEFAULT_TOLERANCE
 
     @classmethod
     def of(
@@ -39,6 +42,7 @@ class CoordinationSetup:
         retreat_m: float = 0.5,
         border: str = ARENA_BORDER,
         distance_error: float = 0.0,
+        tolerance: GoalTolerance = DEFAULT_TOLERANCE,
     ) -> CoordinationSetup:
         """Return what follows from the units' geometry and the parameters of their routes.
 
@@ -49,8 +53,11 @@ class CoordinationSetup:
             retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
             border: What ``box`` is, in words.
             distance_error: What two units that are beside each other may be nearer than they seem [m].
+            tolerance: How near the end of a move a unit has to be seen.
         """
         body = Body.of(geometry, distance_error)
         params = params.with_room(body.extra_gap)
         travel = Travel.of(params.pace, params.route.turn_radps)
-        return cls(Lanes(body, params.route), RouteFinder(body, params, box, border), travel, retreat_m)
+        return cls(
+            Lanes(body, params.route), RouteFinder(body, params, box, border), travel, retreat_m, tolerance
+        )

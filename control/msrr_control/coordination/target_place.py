@@ -6,7 +6,6 @@ port there may be the border of the arena, or an obstacle.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 from msrr_control.coordination.embedding import embedding
@@ -14,11 +13,8 @@ from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.shapes.shape import Place, Shape
 from msrr_control.shapes.tasks import Task, TaskKind
-from msrr_scenes.geometry.se2 import SE2, wrap_angle
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
-
-#: Distance and angle up to which a place is that where the unit stands [m, rad].
-_SAME_M, _SAME_RAD = 0.05, 0.1
 
 
 def place_of_target(
@@ -52,8 +48,8 @@ def place_of_target(
     found = embedding(shape, poses, lanes, setup.finder.box, setup.travel, named=True, keep_out=keep_out)
     if found is None:
         return None
-    off = target.pose.inverse() @ found.X_WR
-    stays = math.hypot(off.x, off.y) < _SAME_M and abs(wrap_angle(off.yaw)) < _SAME_RAD
+    # A place that the target would be taken to have reached from where it stands is not worth a move.
+    stays = setup.tolerance.doubled().holds(found.X_WR.inverse() @ target.pose)
     return None if stays else found.X_WR
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
+from msrr_control.coordination.goal_tolerance import DEFAULT_TOLERANCE, GoalTolerance
 from msrr_control.coordination.ledger import SAME_M, UnitRecord
 from msrr_control.coordination.mission import Patience
-from msrr_scenes.geometry.se2 import wrap_angle
 from msrr_scenes.messages import NS_PER_S, seconds
 from msrr_scenes.messages.coordination import UnitMode, UnitState
 
@@ -15,9 +14,9 @@ from msrr_scenes.messages.coordination import UnitMode, UnitState
 class Watch:
     """Judges progress by reports and sights; time in which nobody can know anything does not count."""
 
-    def __init__(self, patience: Patience) -> None:
-        """Begin with nobody under way."""
-        self._patience = patience
+    def __init__(self, patience: Patience, tolerance: GoalTolerance = DEFAULT_TOLERANCE) -> None:
+        """Begin with nobody under way; ``tolerance`` is that of the ends of moves."""
+        self._patience, self._tolerance = patience, tolerance
         self._quiet_ns = 0  # time from which on nobody has made progress
         self._previous_ns = 0
 
@@ -42,9 +41,7 @@ class Watch:
         assert unit.track is not None
         if unit.seen_ns < unit.moved_ns:
             return True  # nobody saw where it stands: its own word has to do
-        X = unit.track.end.inverse() @ unit.pose
-        near = math.hypot(X.x, X.y) <= self._patience.arrived_m
-        return near and abs(wrap_angle(X.yaw)) <= self._patience.arrived_rad
+        return self._tolerance.holds(unit.track.end.inverse() @ unit.pose)
 
     def silence(self, unit: UnitRecord, now_ns: int) -> str | None:
         """Return for how long a unit under way was not heard, None if that is not too long.

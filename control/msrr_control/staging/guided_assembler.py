@@ -31,8 +31,8 @@ _HOLD_M, _HOLD_AFTER_S = 0.005, 2.0
 #: Heading error at which a turn on the spot ends [rad].
 _ALIGNED_RAD = math.radians(2.0)
 
-#: Heading error up to which a unit faces the end of its route [rad]. The base station accepts 2.9 deg, and
-#: may see a rough unit 2 deg beside that unit's own estimate, which knows better how its tag is mounted.
+#: Heading error up to which a unit faces the end of its route [rad]. The base station, which sees it with an
+#: error of its own, accepts :class:`~msrr_control.coordination.goal_tolerance.GoalTolerance`.
 _FACES_RAD = math.radians(1.0)
 
 #: Way before the end of a route in the open that is not covered before the unit stands there as it is to [m]:

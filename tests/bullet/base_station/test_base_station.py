@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from msrr_bullet.base_station.base_station import BaseStation, coordination_setup
+from msrr_control.coordination.goal_tolerance import DEFAULT_TOLERANCE
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
@@ -81,3 +82,13 @@ def test_units_of_two_kinds_are_refused(scene: Scene) -> None:
     other = scene.units["c"].model_copy(update={"urdf": "other.urdf"})
     with pytest.raises(SceneError, match=r"units\.c\.urdf: .* units of one kind; see 'a'"):
         coordination_setup(scene.model_copy(update={"units": {**scene.units, "c": other}}))
+
+
+def test_how_well_tags_are_held_says_how_near_the_end_of_a_move_a_unit_has_to_be_seen(scene: Scene) -> None:
+    """By two standard deviations, as collision monitors reckon, and never by an error."""
+    deviations = []
+    for sigma, error in ((0.0, 0.0), (0.5, 0.0), (0.5, 4.0), (1.0, 0.0)):
+        tags = f"{{yaw_deg: {{sigma: {sigma}, error: {error}}}}}"
+        told = load_scene(scene.source, {"as_built.tags": tags}).told()
+        deviations.append(coordination_setup(told).tolerance.yaw_rad - DEFAULT_TOLERANCE.yaw_rad)
+    assert deviations == pytest.approx(np.radians([0.0, 1.0, 1.0, 2.0]))

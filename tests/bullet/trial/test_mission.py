@@ -251,3 +251,27 @@ def test_to_ask_at_every_tick_changes_nothing(
     monkeypatch.setattr(DockingStep, "watches", lambda self: True)
     assert log("every_tick.mcap") == as_due
     assert len(calls) > 700  # 240 a second
+
+
+ASKEW = """
+time_limit_s: 40
+arena: {x_m: [-2.0, 2.0], y_m: [-1.5, 1.5]}
+as_built: {grade: rough, tags: {yaw_deg: {sigma: 1.2, error: 3.5}}}
+units:
+  a: {number: 0, pose: {x_m: -1.2, y_m: -0.9}}
+cameras: {overhead: {height_m: 4}}
+radio: {}
+plan:
+  - {move: a, name: there, pose: {x_m: 0.6, y_m: -0.9, yaw_deg: 0}}
+  - {move: a, after: [there], pose: {x_m: 1.2, y_m: -0.2, yaw_deg: 90}}
+"""
+
+
+def test_a_unit_whose_tag_is_held_askew_arrives_where_it_takes_itself_to_be(tmp_path: Path) -> None:
+    """It learns by driving how its tag is held; the base station does not, and sees it look elsewhere."""
+    path = tmp_path / "askew.yaml"
+    path.write_text(ASKEW)
+    result = Trial(load_scene(path), 2).run()
+    assert result.outcome is Outcome.COMPLETE
+    assert result.mission is not None
+    assert result.mission.replans == 0

@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from msrr_control.coordination.goal_tolerance import DEFAULT_TOLERANCE, GoalTolerance
 from msrr_control.coordination.ledger import SAME_M, UnitRecord
 from msrr_control.coordination.mission import Patience
 from msrr_control.coordination.watch import Watch
@@ -59,13 +60,14 @@ def test_a_lost_unit_in_a_port_is_found_unseen() -> None:
 
 
 @pytest.mark.parametrize("turned", [-1.0, 1.0])
-def test_a_move_is_done_by_place_and_by_heading(turned: float) -> None:
-    end, far, askew = SE2(0.3, -0.2, 2.0), PATIENCE.arrived_m, turned * PATIENCE.arrived_rad
+@pytest.mark.parametrize("tolerance", [DEFAULT_TOLERANCE, DEFAULT_TOLERANCE.widened(0.002, 0.04)])
+def test_a_move_is_done_by_place_and_by_heading(turned: float, tolerance: GoalTolerance) -> None:
+    end, far, askew = SE2(0.3, -0.2, 2.0), tolerance.xy_m, turned * tolerance.yaw_rad
     unit = UnitRecord("a", state=UnitState.UNDER_WAY, track=standing(end), seen_ns=2, moved_ns=1)
     for share, there in ((0.9, True), (1.1, False)):
         for off in (SE2(0.0, share * far, 0.0), SE2(-share * far, 0.0, 0.0), SE2(0.0, 0.0, share * askew)):
             unit.X_WU = end @ off
-            assert Watch(PATIENCE).is_at_end(unit) is there
+            assert Watch(PATIENCE, tolerance).is_at_end(unit) is there
     unit.seen_ns = 0  # nobody saw where it has come to: its own word has to do
     assert Watch(PATIENCE).is_at_end(unit)
 
