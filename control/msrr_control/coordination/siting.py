@@ -9,11 +9,12 @@ from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.planning.free_space import EVERYWHERE
+from msrr_control.shapes.hop_rules import HopRules
 from msrr_control.shapes.precedence import Lanes
 from msrr_control.shapes.reconfiguration import (
-    Reconfiguration,
     assembly_ports,
     check_names,
+    hops_between,
     reconfiguration_tasks,
     shape_ports,
 )
@@ -137,8 +138,8 @@ def check_shapes(mission: Mission, lanes: Lanes) -> None:
                         "also that of the root, which stays where it is; name the places of that shape, too"
                     )
                 check_names(units, list(goal))
-            places = (dict.fromkeys(ports.values(), "") for ports in (form, goal))
-            Reconfiguration(lanes, SE2(), EVERYWHERE).hops(*places)
+            start, end = (dict.fromkeys(ports.values(), "") for ports in (form, goal))
+            hops_between(start, end, HopRules(lanes, SE2(), EVERYWHERE))
         if stage.named:
             units = list(goal)
         form, stage = goal, stage.then

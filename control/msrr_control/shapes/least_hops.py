@@ -10,11 +10,7 @@ from collections.abc import Callable, Mapping
 from graphlib import CycleError, TopologicalSorter
 from itertools import chain
 
-#: Ports from the root to a place; the root itself is the empty path.
-Ports = tuple[str, ...]
-
-#: A form that an assembly can have: every place that is taken, with the unit where it matters.
-Form = frozenset[tuple[Ports, str]]
+from msrr_control.shapes.forms import Form, Ports
 
 
 def least_hops(form: Form, wanted: Form, closes: Callable[[Ports, Ports], bool]) -> int:

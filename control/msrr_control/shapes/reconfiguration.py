@@ -4,34 +4,21 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
-
-import numpy as np
+from collections.abc import Mapping, Sequence
 
 from msrr_control.planning.free_space import Bounds
-from msrr_control.shapes.least_hops import Form, Ports, least_hops
+from msrr_control.shapes.forms import CameFrom, Form, Hop, Ports, after_hop, hops_to
+from msrr_control.shapes.hop_rules import HopRules
+from msrr_control.shapes.least_hops import least_hops
+from msrr_control.shapes.place_by_place import place_by_place
 from msrr_control.shapes.precedence import Lanes
-from msrr_control.shapes.shape import LEAST_GAP_M, Shape
+from msrr_control.shapes.shape import Shape
 from msrr_control.shapes.tasks import Task, TaskKind
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
 
 #: Largest number of forms that a search looks at.
 _MOST_FORMS = 10_000
-
-#: Weights of the bound: the fewest hops first; if that search takes too long, up to three times as many.
-_WEIGHTS = (1.0, 3.0)
-
-#: Poses on the way out of a port that has to be free, from the seat.
-_WAY_OUT = np.array([[-0.04 * k, 0.0, 0.0] for k in range(13)])
-
-
-class Hop(NamedTuple):
-    """One unit leaves a place and docks in another one."""
-
-    start: Ports
-    end: Ports
 
 
 def shape_ports(shape: Shape) -> dict[str, Ports]:
@@ -86,137 +73,69 @@ def check_names(units: Sequence[str], named: Sequence[str]) -> None:
         )
 
 
-class Reconfiguration:
-    """Searches the hops that turn one assembly into another, with its root where it stands."""
+def hops_between(start: Mapping[Ports, str], goal: Mapping[Ports, str], rules: HopRules) -> list[Hop]:
+    """Return the hops from one form to another: the fewest, or, where that search would take long, few.
 
-    def __init__(self, lanes: Lanes, X_WR: SE2, box: Bounds) -> None:
-        """Bind the search to the root's pose and to the space around it.
+    Args:
+        start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
+        goal: The same at the end.
+        rules: Which hops can be made.
 
-        Args:
-            lanes: Lanes of the units.
-            X_WR: Pose of the root.
-            box: Where the axle may be and is seen: x low, x high, y low, y high [m].
-        """
-        self._lanes, self._box = lanes, box
-        self._poses: dict[Ports, SE2] = {(): X_WR}
-        self._inside: dict[Ports, bool] = {}
-        self._pairs: dict[tuple[Ports, Ports], tuple[bool, bool]] = {}
-        self._relative: dict[tuple[float, float, float], tuple[bool, bool]] = {}
+    Returns:
+        The hops, in an order in which they can be made one after another.
 
-    def pose(self, ports: Ports) -> SE2:
-        """Return the pose of the unit in a place."""
-        if ports not in self._poses:
-            self._poses[ports] = self._lanes.body.docked(self.pose(ports[:-1]), ports[-1])
-        return self._poses[ports]
-
-    def hops(self, start: Mapping[Ports, str], goal: Mapping[Ports, str]) -> list[Hop]:
-        """Return the hops from one form to another: the fewest, or, where that search would take long, few.
-
-        Args:
-            start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
-            goal: The same at the end.
-
-        Returns:
-            The hops, in an order in which they can be made one after another.
-
-        Raises:
-            SceneError: No way was found.
-        """
-        first, wanted = frozenset(start.items()), frozenset(goal.items())
-        if not all(self._fits(place) for place, _ in wanted - first):
-            raise SceneError(
-                "the shape and the lanes to it do not fit into the arena from where the root of the assembly "
-                "stands"
-            )
-        for weight in _WEIGHTS:
-            hops, forms = self._search(first, wanted, weight)
-            if hops is not None:
-                return hops
-            if forms <= _MOST_FORMS:
-                raise SceneError(
-                    "no order of leaving and docking again leads from one shape to the other; name others"
-                )
+    Raises:
+        SceneError: No way was found.
+    """
+    first, wanted = frozenset(start.items()), frozenset(goal.items())
+    if not all(rules.fits(place) for place, _ in wanted - first):
         raise SceneError(
-            "no order of leaving and docking again was found from one shape to the other among the "
-            f"{_MOST_FORMS} forms that a search looks at; name others"
+            "the shape and the lanes to it do not fit into the arena from where the root of the assembly "
+            "stands"
         )
+    hops, forms = _fewest_hops(first, wanted, rules)
+    if hops is None and forms <= _MOST_FORMS:
+        raise SceneError(
+            "no order of leaving and docking again leads from one shape to the other; name others"
+        )
+    if hops is None:
+        hops = place_by_place(start, goal, rules)
+    if hops is None:
+        raise SceneError(
+            "no order of leaving and docking again was found from one shape to the other, neither among the "
+            f"{_MOST_FORMS} forms that a search looks at nor place by place; name others"
+        )
+    return hops
 
-    def _search(self, first: Form, wanted: Form, weight: float) -> tuple[list[Hop] | None, int]:
-        """Return the hops of a way, None if none was found, and the number of forms that were looked at.
 
-        This is A* with the bound of :func:`.least_hops` times the weight (Pohl 1970): no way has fewer hops
-        than what is found, over the weight.
-        """
-        count = itertools.count()
-        left = least_hops(first, wanted, self._closes)
-        queue = [(weight * left, left, next(count), 0, first)]
-        came: dict[Form, tuple[Form, Hop] | None] = {first: None}
-        costs = {first: 0}
-        while queue and len(costs) <= _MOST_FORMS:
-            *_, cost, form = heapq.heappop(queue)
-            if form == wanted:
-                return _trace(came, form), len(costs)
-            if cost > costs[form]:
-                continue
-            for hop, following in self._neighbours(form, wanted):
-                if following not in costs or cost + 1 < costs[following]:
-                    costs[following], came[following] = cost + 1, (form, hop)
-                    left = least_hops(following, wanted, self._closes)
-                    # Of equal ones that comes first which is nearest to the end.
-                    heapq.heappush(queue, (cost + 1 + weight * left, left, next(count), cost + 1, following))
-        return None, len(costs)
+def _fewest_hops(first: Form, wanted: Form, rules: HopRules) -> tuple[list[Hop] | None, int]:
+    """Return the fewest hops, None if none were found, and the number of forms that were looked at.
 
-    def _neighbours(self, form: Form, wanted: Form) -> Iterator[tuple[Hop, Form]]:
-        """Yield all hops of leaves and the forms to which they lead, those into missing places first."""
+    This is A* with the bound of :func:`.least_hops`.
+    """
+    count = itertools.count()
+    left = least_hops(first, wanted, rules.closes)
+    queue = [(left, left, next(count), 0, first)]
+    came: CameFrom = {first: None}
+    costs = {first: 0}
+    while queue and len(costs) <= _MOST_FORMS:
+        *_, cost, form = heapq.heappop(queue)
+        if form == wanted:
+            return hops_to(form, came), len(costs)
+        if cost > costs[form]:
+            continue
         taken = dict(sorted(form))
-        parents = {ports[:-1] for ports in taken if ports}
-        missing = sorted(wanted - form)
-        for leaf, unit in taken.items():
-            if not leaf or leaf in parents or not self._may_leave(leaf, taken):
-                continue
-            others = {ports for ports in taken if ports != leaf}
-            places = [(*ports, port) for ports in sorted(others) for port in self._lanes.body.dock_frames]
-            free = [place for place in places if place not in others and place != leaf]
-            first = [place for place, name in missing if place in free and name == unit]
-            for place in [*first, *(place for place in free if place not in first)]:
-                if self._may_enter(place, others):
-                    yield Hop(leaf, place), (form - {(leaf, unit)}) | {(place, unit)}
-
-    def _may_leave(self, leaf: Ports, taken: Mapping[Ports, str]) -> bool:
-        """Return whether the way out of a place is free."""
-        return not any(self._blocks(leaf, p)[0] for p in taken if p not in (leaf, leaf[:-1]))
-
-    def _may_enter(self, place: Ports, others: set[Ports]) -> bool:
-        """Return whether a unit fits into a place and can come there."""
-        return self._fits(place) and not any(self._closes(place, p) for p in others if p != place[:-1])
-
-    def _fits(self, place: Ports) -> bool:
-        """Return whether a place and the lane to it lie in the box."""
-        if place not in self._inside:
-            X, room = self.pose(place), self._lanes.spec.border_m + self._lanes.body.offset
-            x0, x1, y0, y1 = self._box
-            self._inside[place] = all(
-                x0 + room <= pose.x <= x1 - room and y0 + room <= pose.y <= y1 - room
-                for pose in (X, self._lanes.end(X))
-            )
-        return self._inside[place]
-
-    def _closes(self, place: Ports, other: Ports) -> bool:
-        """Return whether a unit in another place closes the way into a place."""
-        return self._blocks(place, other)[1]
-
-    def _blocks(self, place: Ports, other: Ports) -> tuple[bool, bool]:
-        """Return whether a unit in another place blocks the way out of a place, and the way in."""
-        found = self._pairs.get((place, other))
-        if found is None:
-            X = self.pose(place).inverse() @ self.pose(other)
-            key = (round(X.x, 4), round(X.y, 4), round(X.yaw, 4))
-            if key not in self._relative:  # few, for all places lie on a grid
-                body = X.as_array()[None]
-                out = bool(self._lanes.body.near(_WAY_OUT, body, LEAST_GAP_M).any())
-                self._relative[key] = out, bool(self._lanes.closes(SE2(), body)[0])
-            found = self._pairs[place, other] = self._relative[key]
-        return found
+        missing = wanted - form
+        # Of equally good hops of a unit those come first that fill a missing place.
+        fills = {hop: (hop.end, taken[hop.start]) in missing for hop in rules.hops(taken)}
+        for hop in sorted(fills, key=lambda hop: (hop.start, (0, hop.end) if fills[hop] else (1, ()))):
+            following = after_hop(form, hop, taken[hop.start])
+            if following not in costs or cost + 1 < costs[following]:
+                costs[following], came[following] = cost + 1, (form, hop)
+                left = least_hops(following, wanted, rules.closes)
+                # Of equal ones that comes first which is nearest to the end.
+                heapq.heappush(queue, (cost + 1 + left, left, next(count), cost + 1, following))
+    return None, len(costs)
 
 
 def reconfiguration_tasks(
@@ -245,7 +164,7 @@ def reconfiguration_tasks(
         raise SceneError(f"the assembly has {len(ports)} units, the shape {len(shape.places)}")
     start = {place: unit if named else "" for unit, place in ports.items()}
     goal = {place: name if named else "" for name, place in shape_ports(shape).items()}
-    hops = Reconfiguration(lanes, X_WR, box).hops(start, goal)
+    hops = hops_between(start, goal, HopRules(lanes, X_WR, box))
     unit_at = {place: unit for unit, place in ports.items()}
     task_of: dict[str, str] = {}  # the task that brings a unit to where it is by then
     visits: dict[str, int] = {}
@@ -272,12 +191,3 @@ def reconfiguration_tasks(
         unit_at[enters] = unit
         task_of[unit] = name
     return tasks
-
-
-def _trace(came: Mapping[Form, tuple[Form, Hop] | None], form: Form) -> list[Hop]:
-    hops: list[Hop] = []
-    step = came[form]
-    while step is not None:
-        hops.append(step[1])
-        step = came[step[0]]
-    return hops[::-1]

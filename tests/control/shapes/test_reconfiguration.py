@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import itertools
 import math
+import random
 from collections.abc import Mapping, Sequence
 from typing import get_args
 
 import pytest
 
 from msrr_control.coordination.setup import CoordinationSetup
-from msrr_control.shapes.least_hops import Form, Ports, least_hops
+from msrr_control.shapes.forms import Form, Hop, Ports, after_hop
+from msrr_control.shapes.hop_rules import HopRules
+from msrr_control.shapes.least_hops import least_hops
+from msrr_control.shapes.place_by_place import place_by_place
 from msrr_control.shapes.reconfiguration import (
-    Hop,
-    Reconfiguration,
     assembly_ports,
+    hops_between,
     reconfiguration_tasks,
     shape_ports,
 )
@@ -24,6 +27,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.specs.mission import Pattern
 
 WIDE = (-9.0, 9.0, -9.0, 9.0)
+PORTS = ("rear", "left", "right")
 PAIRS = list(itertools.permutations(get_args(Pattern), 2))
 
 
@@ -38,7 +42,7 @@ def _least(start: set[Ports], goal: set[Ports]) -> int:
 
 def _made(start: Mapping[Ports, str], hops: Sequence[Hop], setup: CoordinationSetup) -> dict[Ports, str]:
     """Return the form to which the hops lead, each of which has to be one that a unit can make."""
-    taken, poses, body = dict(start), Reconfiguration(setup.lanes, SE2(), WIDE).pose, setup.lanes.body
+    taken, poses, body = dict(start), HopRules(setup.lanes, SE2(), WIDE).pose, setup.lanes.body
     for leaves, enters in hops:
         unit = taken.pop(leaves)
         others = [poses(place) for place in taken if place != leaves[:-1]]
@@ -64,7 +68,7 @@ def test_every_hop_can_be_made_and_the_last_one_ends_in_the_shape(
     first: Pattern, second: Pattern, setup: CoordinationSetup
 ) -> None:
     start, goal = _form(build_pattern(first, 5)), _form(build_pattern(second, 5))
-    hops = Reconfiguration(setup.lanes, SE2(), WIDE).hops(start, goal)
+    hops = hops_between(start, goal, HopRules(setup.lanes, SE2(), WIDE))
     assert _made(start, hops, setup) == goal
     assert len(hops) >= _least(set(start), set(goal))
 
@@ -72,7 +76,7 @@ def test_every_hop_can_be_made_and_the_last_one_ends_in_the_shape(
 def test_the_largest_common_part_stays_where_leaves_allow_it(setup: CoordinationSetup) -> None:
     for first, second, hops in (("line", "tee", 2), ("cross", "line", 3), ("comb", "tee", 1)):
         start, goal = _form(build_pattern(first, 6)), _form(build_pattern(second, 6))
-        found = Reconfiguration(setup.lanes, SE2(), WIDE).hops(start, goal)
+        found = hops_between(start, goal, HopRules(setup.lanes, SE2(), WIDE))
         assert len(found) == _least(set(start), set(goal)) == hops
 
 
@@ -80,17 +84,19 @@ def test_the_largest_common_part_stays_where_leaves_allow_it(setup: Coordination
 def test_the_search_is_quick_where_units_have_to_step_aside(other: Pattern, setup: CoordinationSetup) -> None:
     """Of the patterns these need the most hops more than there are places to fill."""
     start, goal = _form(build_pattern(other, 12)), _form(build_pattern("zigzag", 12))
-    search = Reconfiguration(setup.lanes, SE2(), WIDE)
-    there, back = search.hops(start, goal), search.hops(goal, start)
+    rules = HopRules(setup.lanes, SE2(), WIDE)
+    there, back = hops_between(start, goal, rules), hops_between(goal, start, rules)
     assert len(there) == len(back) > _least(set(start), set(goal))
 
 
-def _distances(search: Reconfiguration, start: Form, most: int) -> dict[Form, int]:
+def _distances(rules: HopRules, start: Form, most: int) -> dict[Form, int]:
     """Return all forms within reach of so many hops, with the least number of hops to each."""
     distances, queue = {start: 0}, [start]
     for form in queue:  # the list grows while it is walked
         if distances[form] < most:
-            for _, following in search._neighbours(form, start):
+            taken = dict(form)
+            for hop in rules.hops(taken):
+                following = after_hop(form, hop, taken[hop.start])
                 if following not in distances:
                     distances[following] = distances[form] + 1
                     queue.append(following)
@@ -105,10 +111,10 @@ def test_the_bound_of_the_search_is_never_too_large_and_tells_more_than_the_plac
     """Compared with the least number of hops to every form that three or four hops lead to."""
     places = shape_ports(build_pattern(pattern, 5))
     start = frozenset((ports, name if named else "") for name, ports in places.items())
-    search = Reconfiguration(setup.lanes, SE2(), WIDE)
+    rules = HopRules(setup.lanes, SE2(), WIDE)
     tight = 0
-    for form, distance in _distances(search, start, 3 if named else 4).items():
-        least = least_hops(start, form, search._closes)
+    for form, distance in _distances(rules, start, 3 if named else 4).items():
+        least = least_hops(start, form, rules.closes)
         assert len(form - start) <= least <= distance
         tight += least > len(form - start)
     assert tight > 0
@@ -167,19 +173,61 @@ def test_units_that_change_places_step_aside(setup: CoordinationSetup) -> None:
     line = [("rear",) * k for k in range(1, 8)]
     start = {(): "u0", **dict(zip(line, names, strict=True))}
     goal = {(): "u0", **dict(zip(line, [*names[1:], names[0]], strict=True))}
-    search = Reconfiguration(setup.lanes, SE2(), WIDE)
-    hops = search.hops(start, goal)
+    rules = HopRules(setup.lanes, SE2(), WIDE)
+    hops = hops_between(start, goal, rules)
     assert _made(start, hops, setup) == goal
-    least = least_hops(frozenset(start.items()), frozenset(goal.items()), search._closes)
+    least = least_hops(frozenset(start.items()), frozenset(goal.items()), rules.closes)
     assert len(names) < least <= len(hops) <= 1.5 * least
+
+
+def _grown(rules: HopRules, names: Sequence[str], rng: random.Random) -> dict[Ports, str]:
+    """Units with names, the root first, that have docked one after another wherever they could."""
+    form: dict[Ports, str] = {(): names[0]}
+    for name in names[1:]:
+        places = [(*holder, port) for holder in form for port in PORTS]
+        free = [place for place in places if place not in form]
+        form[rng.choice([place for place in free if not any(rules.closes(place, p) for p in form)])] = name
+    return form
+
+
+@pytest.mark.parametrize(("units", "named"), [(6, True), (9, True), (16, True), (16, False)])
+def test_place_by_place_a_way_leads_from_any_form_to_any_other(
+    units: int, named: bool, setup: CoordinationSetup
+) -> None:
+    """The search for the fewest hops finds no way for most of the forms of 16 units with names."""
+    rules, rng = HopRules(setup.lanes, SE2(), WIDE), random.Random(units)
+    names = [f"u{k}" for k in range(units)]
+    start = _grown(rules, names, rng)
+    goal = _grown(rules, [names[0], *rng.sample(names[1:], units - 1)], rng)
+    if not named:
+        start, goal = dict.fromkeys(start, ""), dict.fromkeys(goal, "")
+    hops = place_by_place(start, goal, rules)
+    assert hops is not None
+    assert _made(start, hops, setup) == goal
+    fewest = least_hops(frozenset(start.items()), frozenset(goal.items()), rules.closes)
+    assert fewest <= len(hops) <= 4 * units
+    assert place_by_place(goal, goal, rules) == []
+
+
+def test_place_by_place_takes_over_where_the_search_for_the_fewest_hops_takes_too_long(
+    setup: CoordinationSetup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start, goal = _form(build_pattern("cross", 8)), _form(build_pattern("zigzag", 8))
+    rules = HopRules(setup.lanes, SE2(), WIDE)
+    fewest = hops_between(start, goal, rules)
+    monkeypatch.setattr("msrr_control.shapes.reconfiguration._MOST_FORMS", 5)
+    hops = hops_between(start, goal, rules)
+    assert hops == place_by_place(start, goal, rules)
+    assert _made(start, hops, setup) == goal
+    assert len(fewest) <= len(hops) <= 2 * len(fewest)
 
 
 def test_there_and_back_takes_the_same_number_of_hops(setup: CoordinationSetup) -> None:
     """Every hop can be made backwards, so the fewest of one way are the fewest of the other."""
     for first, second in itertools.combinations(get_args(Pattern), 2):
         start, goal = _form(build_pattern(first, 5)), _form(build_pattern(second, 5))
-        search = Reconfiguration(setup.lanes, SE2(), WIDE)
-        assert len(search.hops(start, goal)) == len(search.hops(goal, start))
+        rules = HopRules(setup.lanes, SE2(), WIDE)
+        assert len(hops_between(start, goal, rules)) == len(hops_between(goal, start, rules))
 
 
 def test_an_assembly_is_one_tree() -> None:

@@ -1,0 +1,104 @@
+"""Which hops the units of an assembly can make."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from msrr_control.planning.free_space import Bounds
+from msrr_control.shapes.forms import Hop, Ports
+from msrr_control.shapes.precedence import Lanes
+from msrr_control.shapes.shape import LEAST_GAP_M
+from msrr_scenes.geometry.se2 import SE2
+
+#: Poses on the way out of a port that has to be free, from the seat.
+_WAY_OUT = np.array([[-0.04 * k, 0.0, 0.0] for k in range(13)])
+
+
+class HopRules:
+    """Says which hops can be made: every one of them can be made backwards, too.
+
+    A unit leaves its place if it carries nobody and the way out is free, and it enters a place of which the
+    holder is there, the lane is free and lies in the box.
+    """
+
+    def __init__(self, lanes: Lanes, X_WR: SE2, box: Bounds) -> None:
+        """Bind the rules to the root's pose and to the space around it.
+
+        Args:
+            lanes: Lanes of the units.
+            X_WR: Pose of the root.
+            box: Where the axle may be and is seen: x low, x high, y low, y high [m].
+        """
+        self._lanes, self._box = lanes, box
+        self._poses: dict[Ports, SE2] = {(): X_WR}
+        self._inside: dict[Ports, bool] = {}
+        self._pairs: dict[tuple[Ports, Ports], tuple[bool, bool]] = {}
+        self._relative: dict[tuple[float, float, float], tuple[bool, bool]] = {}
+
+    def pose(self, ports: Ports) -> SE2:
+        """Return the pose of the unit in a place."""
+        if ports not in self._poses:
+            self._poses[ports] = self._lanes.body.docked(self.pose(ports[:-1]), ports[-1])
+        return self._poses[ports]
+
+    def hops(self, taken: Mapping[Ports, str]) -> Iterator[Hop]:
+        """Yield all hops of units that stand in some places."""
+        order = sorted(taken)
+        parents = {ports[:-1] for ports in order if ports}
+        for leaf in order:
+            if not leaf or leaf in parents or not self._may_leave(leaf, taken):
+                continue
+            others = {ports for ports in order if ports != leaf}
+            for holder in order:
+                for port in self._lanes.body.dock_frames if holder != leaf else ():
+                    place = (*holder, port)
+                    if place not in taken and self._may_enter(place, others):
+                        yield Hop(leaf, place)
+
+    def allow(self, taken: Mapping[Ports, str], hop: Hop) -> bool:
+        """Return whether a hop can be made by a unit of those that stand in some places."""
+        start, end = hop
+        others = {ports for ports in taken if ports != start}
+        leaf = start in taken and bool(start) and not any(ports[:-1] == start for ports in others if ports)
+        reachable = end not in taken and end[:-1] in others
+        return leaf and reachable and self._may_leave(start, taken) and self._may_enter(end, others)
+
+    def fits(self, place: Ports) -> bool:
+        """Return whether a place and the lane to it lie in the box."""
+        if place not in self._inside:
+            X, room = self.pose(place), self._lanes.spec.border_m + self._lanes.body.offset
+            x0, x1, y0, y1 = self._box
+            self._inside[place] = all(
+                x0 + room <= pose.x <= x1 - room and y0 + room <= pose.y <= y1 - room
+                for pose in (X, self._lanes.end(X))
+            )
+        return self._inside[place]
+
+    def closes(self, place: Ports, other: Ports) -> bool:
+        """Return whether a unit in another place closes the way into a place."""
+        return other != place[:-1] and self._blocks(place, other)[1]
+
+    def holds_in(self, place: Ports, other: Ports) -> bool:
+        """Return whether a unit in another place blocks the way out of a place."""
+        return other != place[:-1] and self._blocks(place, other)[0]
+
+    def _may_leave(self, leaf: Ports, taken: Mapping[Ports, str]) -> bool:
+        return not any(self.holds_in(leaf, p) for p in taken if p != leaf)
+
+    def _may_enter(self, place: Ports, others: set[Ports]) -> bool:
+        return self.fits(place) and not any(self.closes(place, p) for p in others)
+
+    def _blocks(self, place: Ports, other: Ports) -> tuple[bool, bool]:
+        """Return whether a unit in another place blocks the way out of a place, and the way in."""
+        found = self._pairs.get((place, other))
+        if found is None:
+            X = self.pose(place).inverse() @ self.pose(other)
+            key = (round(X.x, 4), round(X.y, 4), round(X.yaw, 4))
+            if key not in self._relative:  # few, for all places lie on a grid
+                body = X.as_array()[None]
+                out = bool(self._lanes.body.near(_WAY_OUT, body, LEAST_GAP_M).any())
+                self._relative[key] = out, bool(self._lanes.closes(SE2(), body)[0])
+            found = self._pairs[place, other] = self._relative[key]
+        return found
