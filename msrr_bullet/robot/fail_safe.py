@@ -118,9 +118,15 @@ class FailSafeRobot(Generic[R]):
 class FailSafeLedRobot(FailSafeRobot[LedRobot]):
     """Runs a robot that a base station leads until its program fails, which it then reports."""
 
-    def __init__(self, unit: str, build: Callable[[], LedRobot]) -> None:
-        """Build the robot of a unit; one that cannot be built for a failure of its program stands still."""
-        self._unit = unit
+    def __init__(self, unit: str, build: Callable[[], LedRobot], docked_to: str | None = None) -> None:
+        """Build the robot of a unit; one that cannot be built for a failure of its program stands still.
+
+        Args:
+            unit: Name of the unit.
+            build: Builds the robot.
+            docked_to: Port into which the unit is locked at the start; None if it is free.
+        """
+        self._unit, self.docked_to = unit, docked_to
         self.route = 0
         self.dock_step: DockStep | None = None
         self.leaving = False
@@ -149,15 +155,21 @@ class FailSafeLedRobot(FailSafeRobot[LedRobot]):
         """Return the report of the robot, or once its program has failed, that it has."""
         if self._robot is not None:
             return self._robot.report(now_ns)
+        # The lock stays as it was: whatever the unit hangs in must not be told to drive away.
+        port = self.docked_to
+        if port is None and self._action.lock and self.dock_step is not None:
+            port = self.dock_step.to
         reason = str(self.failure)
-        return UnitReport(self._unit, now_ns, 0, self.route, 0.0, UnitMode.FAILED, None, reason=reason)
+        return UnitReport(self._unit, now_ns, 0, self.route, 0.0, UnitMode.FAILED, port, reason=reason)
 
     def _decide(self, robot: LedRobot, now_ns: int) -> Action:
         action = super()._decide(robot, now_ns)
         self.route, self.dock_step, self.leaving = robot.route, robot.dock_step, robot.leaving
+        self.docked_to = robot.docked_to
         return action
 
 
 def led_robot(scene: Scene, unit: str, profiler: Profiler | None = None) -> FailSafeLedRobot:
     """Build the robot of a unit that a base station leads, as a trial and its replay do."""
-    return FailSafeLedRobot(unit, lambda: GuidedUnit(scene, unit, scene.holders.get(unit), profiler))
+    docked_to = scene.holders.get(unit)
+    return FailSafeLedRobot(unit, lambda: GuidedUnit(scene, unit, docked_to, profiler), docked_to)

@@ -103,6 +103,11 @@ class LedRobot(ObservableRobot, Protocol):
         ...
 
     @property
+    def docked_to(self) -> str | None:
+        """Port ``<unit>.<port>`` into which the robot believes that it is locked; None if it is free."""
+        ...
+
+    @property
     def dock_step(self) -> DockStep | None:
         """Docking or undocking of the present route; None without one."""
         ...

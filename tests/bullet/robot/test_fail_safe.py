@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from msrr_bullet.robot.fail_safe import FailSafeRobot
+from msrr_bullet.robot.fail_safe import FailSafeLedRobot, FailSafeRobot, led_robot
 from msrr_scenes.errors import ProgramFailedError, SceneError
 from msrr_scenes.messages import Action, Belief, Conviction, Exposure, Phase, Twist, WheelOdometry
+from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg, UnitMode
+from msrr_scenes.specs.plan import DockStep
+from msrr_scenes.specs.scene import Scene
 
 FAILURE = ProgramFailedError("controller 'mine:Law', mine.py line 3: step returned None; expected a Twist")
 EXPOSURE = Exposure("a/onboard", 0, 0)
@@ -81,3 +85,67 @@ def test_an_unusable_scene_is_not_hidden() -> None:
 
     with pytest.raises(SceneError, match="no tags"):
         FailSafeRobot(build)
+
+
+#: A law that no unit can build when it is to leave its port.
+UNBUILDABLE = """
+class Law:
+    def __init__(self, setup):
+        raise OSError("no such device")
+
+    def reset(self, inputs): ...
+
+    def step(self, inputs): ...
+"""
+
+
+def test_a_locked_unit_whose_program_fails_still_says_where_it_hangs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else the base station takes its holder for one that carries nobody, and may let it drive away."""
+    (tmp_path / "unbuildable.py").write_text(UNBUILDABLE)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    scene = Scene.model_validate(
+        {
+            "name": "pair",
+            "units": {"a": {"number": 0}, "b": {"number": 1}},
+            "assembled": ["b.front-a.rear"],
+            "plan": [{"undock": "b"}],
+            "cameras": {"overhead": {}},
+            "control": {"docking": "unbuildable:Law"},
+        }
+    )
+    unit = led_robot(scene, "b")
+    leg = RouteLeg(LegKind.BACK, (0.0, 0.0, 0.0), (), (), 0.0, 0.3)
+    unit.authorise(Authority("b", 1, 1, 0, 3_000_000_000, leg.end, (leg,), None, True))
+    unit.step(20_000_000)
+    assert unit.failure is not None
+    report = unit.report(20_000_000)
+    assert (report.mode, report.docked_to) == (UnitMode.FAILED, "a.rear")
+
+
+class FragileDocker(Fragile):
+    """A led robot that docks, and has closed its lock or not."""
+
+    route, leaving, docked_to = 3, False, None
+    dock_step = DockStep(unit="b", port="front", to="a.rear")
+
+    def __init__(self, lock: bool) -> None:
+        super().__init__()
+        self.lock = lock
+
+    def step(self, now_ns: int) -> Action:
+        return super().step(now_ns).with_twist(Twist()) if self.lock else Action(now_ns, Phase.DOCK, 1)
+
+
+@pytest.mark.parametrize(("lock", "port"), [(True, "a.rear"), (False, None)])
+def test_one_that_fails_while_it_docks_hangs_in_the_port_if_its_lock_is_to_be_closed(
+    lock: bool, port: str | None
+) -> None:
+    inner: Any = FragileDocker(lock)
+    robot = FailSafeLedRobot("b", lambda: inner)
+    robot.step(1)
+    inner.fails_in = "path"
+    robot.step(2)
+    report = robot.report(2)
+    assert (report.mode, report.route, report.docked_to) == (UnitMode.FAILED, 3, port)
