@@ -79,6 +79,7 @@ class StateMemory:
         doubted: Timer of the collision monitor stopping it because nobody knows where others are.
         sigma_lateral: Smallest standard deviation of the lateral estimate [m] on the way to the port, near
             which wheels that may spin make it larger; 0 in a stay that begins there.
+        pushed: Way that the unit was let push on at the port since it last made progress [m].
         frames: Number of frames in a row that agreed, as :meth:`frames_in_a_row` has counted them.
     """
 
@@ -91,7 +92,7 @@ class StateMemory:
         self.opened, self.looked_behind, self.limited = HoldTimer(), HoldTimer(), HoldTimer()
         self.doubted = HoldTimer()
         self.askew = HoldTimer()
-        self.sigma_lateral = 0.0
+        self.sigma_lateral = self.pushed = 0.0
         self._best, self._best_ns = math.inf, since_ns
         self.frames, self._last_frame_ns = 0, since_ns
 
@@ -104,9 +105,13 @@ class StateMemory:
 
         Progress is a fall by ``way`` [m], or to half of where it began, and by ``smallest`` [m] at least.
         """
-        if remaining < self._best - max(smallest, min(way, 0.5 * self._best)):
-            self._best, self._best_ns = remaining, now_ns
+        if remaining < self._best - self.next_progress(smallest, way):
+            self._best, self._best_ns, self.pushed = remaining, now_ns, 0.0
         return seconds(now_ns - self._best_ns)
+
+    def next_progress(self, smallest: float, way: float) -> float:
+        """Return the fall that counts as progress next [m]; see :meth:`without_progress`."""
+        return max(smallest, min(way, 0.5 * self._best))
 
     def pause(self, now_ns: int) -> None:
         """Let the time without progress begin anew: nothing can be expected of the unit now."""

@@ -102,7 +102,9 @@ def dock(c: DockingContext) -> Twist | Transition:
     way = tuning.progress_share * promised_speed(c.controller, c.setup.limits) * spec.stall_time_s
     idle = c.memory.without_progress(view.off_seat(tuning.seated_gap_m), tuning.progress_m, way, now_ns)
     limited_s = c.memory.limited.update(monitor is not None and monitor.limits, now_ns)
-    pressed = at_port and (monitor is None or monitor.state is not MonitorState.STOP)
+    if at_port:
+        passed = c.observation.passed
+        c.memory.pushed += c.dt * (spec.press_mps if passed is None else passed.v)
     one_closed = switches is not None and switches.left != switches.right
     if idle > spec.stall_time_s:
         # The first decision of the monitor comes with the next instant.
@@ -111,6 +113,8 @@ def dock(c: DockingContext) -> Twist | Transition:
             reason = f"held for {idle:.1f} s by the collision monitor: {monitor}, at {view}"
         else:
             reason = f"no progress for {idle:.1f} s at {view}"
+        # Pins hold only a unit that the monitor let push on by more than what counts as progress.
+        pressed = at_port and c.memory.pushed > c.memory.next_progress(tuning.progress_m, way)
         if pressed and not closed:
             # The pin that is farther in tells how the unit is turned: sight may be off by more than that.
             to_left = switches.right if one_closed and switches is not None else view.yaw > 0.0

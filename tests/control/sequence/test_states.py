@@ -72,6 +72,7 @@ class Desk:
         lock: tuple[LockPosition, int] | None = None,
         twist: Twist | None = None,
         monitor: CollisionMonitorState | None = None,
+        passed: Twist | None = None,
     ) -> Action:
         """Let 20 ms go by and ask; the pose was exposed now unless told otherwise.
 
@@ -91,6 +92,7 @@ class Desk:
                 lock=self.lock,
                 twist=twist or Twist(),
                 monitor=monitor,
+                passed=passed,
             )
         )
 
@@ -335,17 +337,24 @@ def _turn_after_jam(
     monitor: CollisionMonitorState | None = None,
     closed: bool | tuple[bool, bool] = False,
     near: float | None = None,
+    passed: Twist | None = None,
+    goes: bool = False,
 ) -> float:
     """Let pins jam in the port, and return how a unit on the axis turns in the next attempt.
 
-    The side is known to ``sigma_y`` [m] on the way, and to ``near`` [m] from a gap of 25 mm on.
+    The side is known to ``sigma_y`` [m] on the way, and to ``near`` [m] from a gap of 25 mm on. A unit that
+    ``goes`` moves as the collision monitor lets it, and is held by nothing else.
     """
     covariance = _wide(sigma_y, 1e-3)
     desk.ask(desk.at(0.1), covariance=covariance)
     covariance = covariance if near is None else _wide(near, 1e-3)
     desk.ask(desk.at(0.025), covariance=covariance)
+    gap = 0.020 if goes else 0.003
     for _ in range(400):
-        at_port = desk.ask(desk.at(0.003, 0.0, yaw), closed=closed, covariance=covariance, monitor=monitor)
+        gap -= 1e-9 * DT_NS * passed.v if goes and passed is not None else 0.0
+        at_port = desk.ask(
+            desk.at(gap, 0.0, yaw), closed=closed, covariance=covariance, monitor=monitor, passed=passed
+        )
         if at_port.phase is Phase.RETREAT:
             break
     assert desk.machine.belief.setback is FailureReason.STALLED
@@ -406,15 +415,37 @@ def test_doubt_about_the_wheels_at_the_port_does_not_lead_the_next_attempt_farth
     assert turns[0] == turns[1]
 
 
-@pytest.mark.parametrize(("state", "aims"), [(MonitorState.SLOW, True), (MonitorState.STOP, False)])
-def test_a_unit_that_the_monitor_stops_does_not_press(
-    facts: DockSetup, state: MonitorState, aims: bool
+SLOW = CollisionMonitorState(0, MonitorState.SLOW, None, None, 1.0)
+STOP = CollisionMonitorState(0, MonitorState.STOP, None, None, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("monitor", "passed", "aims"),
+    [
+        (None, None, True),
+        (SLOW, Twist(0.25 * DockingSpec().press_mps), True),
+        (SLOW, Twist(0.0, 0.2), False),
+        (STOP, Twist(), False),
+    ],
+)
+def test_a_unit_that_the_monitor_does_not_let_go_on_does_not_press(
+    facts: DockSetup, monitor: CollisionMonitorState | None, passed: Twist | None, aims: bool
 ) -> None:
-    """So that it has stopped in the port is no jam; one that it slows down presses."""
+    """So that it has stopped in the port is no jam; one that is only slowed down presses."""
     desk = Desk(facts)
     desk.to_dock()
-    monitor = CollisionMonitorState(desk.now_ns, state, None, None, 1.0)
-    assert (_turn_after_jam(desk, 0.02, 0.001, monitor) != 0.0) is aims
+    assert (_turn_after_jam(desk, 0.02, 0.001, monitor, passed=passed) != 0.0) is aims
+
+
+@pytest.mark.parametrize("share", [0.02, 0.0625])
+def test_a_unit_that_creeps_into_the_port_as_the_monitor_lets_it_is_not_jammed(
+    facts: DockSetup, share: float
+) -> None:
+    """It took its stall for a jam, and aimed beside the port from then on."""
+    desk = Desk(facts)
+    desk.to_dock()
+    creeps = Twist(share * DockingSpec().press_mps)
+    assert _turn_after_jam(desk, 0.02, 0.001, SLOW, passed=creeps, goes=True) == 0.0
 
 
 def _phases(desk: Desk, gap: float, steps: int, closed: bool = True) -> Sequence[Phase]:
