@@ -11,7 +11,7 @@ from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.task_ends import TaskEnds
 from msrr_control.coordination.task_list import TaskList
-from msrr_control.shapes.tasks import Task, TaskKind
+from msrr_control.shapes.tasks import Task
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages.coordination import UnitState
@@ -66,13 +66,13 @@ class Assigner:
         for task in free:  # parents come before their children
             enters, X_WE = self._ends.port_of(task), self._ends.pose_of(task, tasks)
             taken = enters is not None and self._ends.taken_by(enters) is not None
-            blocked = task.kind is TaskKind.DOCK and X_WE is not None and self._ends.stays_closed(X_WE)
+            blocked = X_WE is not None and self._ends.stays_closed(X_WE)
             if taken or blocked or not closed.isdisjoint((*task.depends_on, *task.behind)):
                 closed.add(task.name)
         return closed
 
     def costs(self, units: list[UnitRecord], free: list[Task], tasks: TaskList) -> Array:
-        """Return the estimated times of the ways of units to the ends of tasks, (units, tasks) [s]."""
+        """Return the estimated times of the ways of units to the ends of some tasks, (units, tasks) [s]."""
         poses = [self._ends.pose_of(task, tasks) or SE2() for task in free]
-        places = np.array([X.as_array() for X in poses]).reshape(-1, 3)
+        places = np.array([X.as_array() for X in poses])
         return place_costs(np.array([unit.pose.as_array() for unit in units]), places, self._travel)

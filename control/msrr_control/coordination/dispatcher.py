@@ -159,7 +159,8 @@ class Dispatcher:
     def _make_way(self, tasks: TaskList, now_ns: int) -> bool:
         """Send one idle unit out of the way of the first task that has no route; return whether one goes.
 
-        One that stands in nobody's lane is sent away only where that helps.
+        One that stands in nobody's lane is sent away only where a route may come of it: first the nearest one
+        without which there is a route; if there is none, the nearest, because it may take several.
         """
         for task in tasks.ready():
             assigned = self.assigner.assignment(tasks).get(task.name)
@@ -182,13 +183,15 @@ class Dispatcher:
                 and any(self._setup.lanes.closed_by(X_WE, unit.pose) for X_WE in lanes)
             ]
             own = [unit for unit in idle if unit.name == assigned]
-            X_WE = lanes[0]
-            away = {u.name: math.hypot(u.pose.x - X_WE.x, u.pose.y - X_WE.y) for u in idle}
+            if any(self._evade(unit, tasks, now_ns) for unit in [*in_the_way, *own]):
+                return True
             rest = [unit for unit in idle if unit not in in_the_way and unit.name not in partners]
-            if not self._reaches(self._units[assigned], task, tasks):
-                rest = []
-            for unit in [*in_the_way, *own, *sorted(rest, key=lambda u: away[u.name])]:
-                if self._evade(unit, tasks, now_ns):
+            if rest and self._reaches(self._units[assigned], task, tasks):
+                x, y = lanes[0].translation
+                rest.sort(key=lambda u: math.hypot(u.pose.x - x, u.pose.y - y))
+                alone = next((u for u in rest if self._reaches(self._units[assigned], task, tasks, u)), None)
+                rest.sort(key=lambda u: u is not alone)
+                if any(self._evade(unit, tasks, now_ns) for unit in rest):
                     return True
         return False
 
@@ -216,19 +219,27 @@ class Dispatcher:
         led = [u for u in self._units.values() if u.under_way and u.enters and u.enters[0] == target.name]
         return not target.under_way and not all(self._interlock.holds(target, unit) for unit in led)
 
-    def _reaches(self, unit: UnitRecord, task: Task, tasks: TaskList) -> bool:
-        """Return whether a unit would reach the end of a task if all others were gone that can drive away."""
+    def _reaches(self, unit: UnitRecord, task: Task, tasks: TaskList, gone: UnitRecord | None = None) -> bool:
+        """Return whether a unit would reach the end of a task if another one was gone.
+
+        Args:
+            unit: The unit.
+            task: The task.
+            tasks: All tasks.
+            gone: The other one; None for all others that can drive away.
+        """
         X_WE, enters = self.ends.pose_of(task, tasks), self.ends.port_of(task)
         if X_WE is None or unit.X_WU is None:
             return True  # nobody knows
         request = self._request(unit, X_WE, enters)
         holders = {port[0] for other in self._units.values() for port in other.docks}
-        stay = {
+        away = {
             other.name
-            for other in self._units.values()
-            if other.docks or other.name in holders or other.out_of_action
+            for other in (self._units.values() if gone is None else (gone,))
+            if not (other.docks or other.name in holders or other.out_of_action)
         }
-        kept = [s for s in request.standing if s.name in stay or s.name in (request.leaves, request.enters)]
+        away -= {request.leaves, request.enters}
+        kept = [s for s in request.standing if s.name not in away]
         return self._setup.finder.find(replace(request, standing=kept)) is not None
 
     def _evade(self, unit: UnitRecord, tasks: TaskList, now_ns: int) -> bool:

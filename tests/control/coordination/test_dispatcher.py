@@ -1,0 +1,305 @@
+"""Single decisions of the dispatcher: who sets out, who is sent out of the way, and who stays."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from msrr_control.coordination.dispatcher import Dispatcher
+from msrr_control.coordination.interlock import Interlock
+from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.setup import CoordinationSetup
+from msrr_control.coordination.task_list import TaskList
+from msrr_control.shapes.tasks import Task, TaskKind, TaskState
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import ObstacleEstimate
+from msrr_scenes.messages.coordination import UnitState
+
+#: Units that may be sent out of the way no more.
+TIRED = 3
+
+DOCK = Task("a to b", TaskKind.DOCK, "a", parent_unit="b", port="rear")
+
+
+@dataclass
+class Base:
+    """A dispatcher with its ledger: a is to dock to the rear port of b, unless other tasks are given."""
+
+    setup: CoordinationSetup
+    units: dict[str, UnitRecord]
+    listed: list[Task] = field(default_factory=lambda: [DOCK])
+    one_by_one: bool = False
+
+    def __post_init__(self) -> None:
+        self.tasks = TaskList(self.listed)
+        interlock = Interlock(self.setup.lanes.body)
+        self.dispatcher = Dispatcher(self.setup, self.units, interlock, self.one_by_one)
+
+    def dispatch(self, *obstacles: ObstacleEstimate) -> bool:
+        self.dispatcher.ends.obstacles = obstacles
+        return self.dispatcher.dispatch(self.tasks, 1_000_000_000)
+
+    @property
+    def under_way(self) -> dict[str, str | None]:
+        """Tasks of those under way."""
+        return {unit.name: unit.task for unit in self.units.values() if unit.under_way}
+
+
+def _units(**poses: SE2) -> dict[str, UnitRecord]:
+    return {name: UnitRecord(name, X) for name, X in poses.items()}
+
+
+def _post(x: float, y: float, radius: float = 0.08) -> ObstacleEstimate:
+    return ObstacleEstimate("post", 0, SE2(x, y, 0.0), np.eye(3), radius)
+
+
+A, B = SE2(-1.2, 0.9, 0.0), SE2(0.5, 0.0, 0.0)
+IN_LANE = SE2(-0.1, 0.0, 0.0)
+
+
+def test_who_has_a_route_sets_out_at_once_and_who_is_not_in_the_way_stays(setup: CoordinationSetup) -> None:
+    base = Base(setup, _units(a=A, b=B, c=SE2(1.0, 1.2, 0.0)))
+    assert base.dispatch()
+    assert base.under_way == {"a": DOCK.name}
+    assert base.tasks.state(DOCK.name) is TaskState.GRANTED
+    assert base.units["a"].enters == ("b", "rear")
+    assert not base.dispatch()
+
+
+@pytest.mark.parametrize("one_by_one", [False, True])
+def test_units_set_out_together_unless_one_goes_after_the_other(
+    one_by_one: bool, setup: CoordinationSetup
+) -> None:
+    moves = [Task(name, TaskKind.MOVE, name, pose=SE2(0.8, y, 0.0)) for name, y in (("a", 0.9), ("c", -0.9))]
+    base = Base(setup, _units(a=A, c=SE2(-1.2, -0.9, 0.0)), moves, one_by_one)
+    assert base.dispatch()
+    assert base.under_way == ({"a": "a"} if one_by_one else {"a": "a", "c": "c"})
+    assert [base.units[name].order for name in "ac"] == [1, 0 if one_by_one else 2]
+    assert not base.dispatch()
+
+
+def test_whoever_stands_in_the_lane_is_sent_to_where_it_is_in_nobody_s_way(setup: CoordinationSetup) -> None:
+    """One after the other, whatever else others are under way for; whoever stands elsewhere stays."""
+    units = _units(a=A, b=B, c=IN_LANE, d=SE2(-0.7, 0.0, 0.0), e=SE2(0.3, 0.6, 0.0))
+    units["f"] = UnitRecord("f", SE2(1.7, -1.0, 0.5 * math.pi))
+    base = Base(setup, units, [DOCK, Task("f", TaskKind.MOVE, "f", pose=SE2(1.7, 0.9, 0.5 * math.pi))])
+    assert base.dispatch()
+    assert base.dispatch()
+    assert base.under_way == {"c": None, "f": "f"}
+    assert (units["c"].evasions, units["c"].reason) == (1, "makes way")
+    end = units["c"].destination
+    assert end.yaw == pytest.approx(math.atan2(end.y - IN_LANE.y, end.x - IN_LANE.x))
+    seat = setup.lanes.body.docked(B, "rear")
+    assert not setup.lanes.closed_by(seat, end)
+    for X in (A, B, units["d"].pose, units["e"].pose):
+        assert math.hypot(end.x - X.x, end.y - X.y) > setup.lanes.body.radius
+    assert not base.dispatch(), "nobody else goes while one makes way"
+    units["c"].X_WU = end
+    units["c"].stand(2_000_000_000, "")
+    assert base.dispatch()
+    assert base.under_way == {"d": None, "f": "f"}
+    end = units["d"].destination
+    assert math.hypot(end.x + 0.7, end.y) < 1.0, "the nearest place that is free"
+
+
+def test_nobody_makes_way_where_that_would_not_help(setup: CoordinationSetup) -> None:
+    def base(**changes: SE2) -> Base:
+        """The target itself does not go anywhere."""
+        units = _units(**{"a": A, "b": B, "c": IN_LANE, **changes})
+        units["b"].evasions = TIRED
+        return Base(setup, units)
+
+    assert not base().dispatch(_post(0.1, 0.0, 0.03))
+
+    seat = setup.lanes.body.docked(B, "rear")
+    taken = base(d=seat)
+    taken.units["d"].state, taken.units["d"].holder = UnitState.DOCKED, ("b", "rear")
+    assert not taken.dispatch()
+
+    failed = base(d=SE2(-0.5, 0.0, 0.0))
+    failed.units["d"].state = UnitState.FAILED
+    assert not failed.dispatch()
+
+    tired = base()
+    tired.units["a"].evasions = tired.units["c"].evasions = TIRED
+    assert not tired.dispatch()
+    tired.units["c"].evasions -= 1
+    assert tired.dispatch()
+
+
+def _boxed_in(setup: CoordinationSetup) -> Base:
+    """A unit in a corner, on its way to a place in the open, and another one right in front of it.
+
+    A third one stands nearer to that place, but in nobody's way.
+    """
+    x0, _, y0, _ = setup.finder.box
+    room = setup.lanes.spec.border_m + setup.lanes.body.offset
+    a = SE2(x0 + room, y0 + room, 0.25 * math.pi)
+    task = Task("a", TaskKind.MOVE, "a", pose=SE2(0.0, 0.9, 0.0))
+    return Base(setup, _units(a=a, c=a @ SE2(0.24, 0.0, 0.0), d=SE2(1.0, -0.9, 0.0)), [task])
+
+
+def test_one_that_stands_in_no_lane_is_sent_away_only_where_that_opens_a_route(
+    setup: CoordinationSetup,
+) -> None:
+    """The one that was nearest to the end of the way went first, and a mission lost its time."""
+    base = _boxed_in(setup)
+    assert base.dispatch()
+    assert base.under_way == {"c": None}
+    closed = _boxed_in(setup)
+    closed.dispatch(_post(0.0, 0.9, 0.3))
+    assert not closed.under_way.keys() & {"c", "d"}
+
+
+def _at_border(setup: CoordinationSetup, **others: SE2) -> Base:
+    """The port of b looks at the border, right in front of it."""
+    return Base(setup, _units(a=SE2(0.6, 0.9, 0.0), b=SE2(-1.6, 0.0, 0.0), **others))
+
+
+def test_a_target_goes_to_where_its_port_can_be_reached(setup: CoordinationSetup) -> None:
+    base = _at_border(setup, c=SE2(0.6, -0.9, 0.0))
+    other = Task("c to b", TaskKind.DOCK, "c", parent_unit="b", port="left")
+    base.tasks = TaskList([DOCK, other])
+    assert base.dispatch()
+    b = base.units["b"]
+    assert base.under_way == {"b": None, "a": DOCK.name, "c": other.name}, "they drive to where it will stand"
+    assert (b.evasions, b.reason) == (1, "goes where its ports can be reached")
+    assert b.enters is None
+    end = setup.lanes.end(setup.lanes.body.docked(b.destination, "rear"))
+    x0, x1, y0, y1 = setup.finder.box
+    assert x0 < end.x < x1
+    assert y0 < end.y < y1
+
+
+def test_a_target_stays_where_it_carries_others_or_has_moved_in_vain(setup: CoordinationSetup) -> None:
+    seat = setup.lanes.body.docked(SE2(-1.6, 0.0, 0.0), "left")
+    carries = _at_border(setup, c=seat)
+    carries.units["c"].state, carries.units["c"].holder = UnitState.DOCKED, ("b", "left")
+    tired = _at_border(setup)
+    tired.units["b"].evasions = TIRED
+    for base in (carries, tired):
+        base.dispatch()
+        assert "b" not in base.under_way
+
+
+def test_a_target_whose_port_can_be_reached_stays_whoever_stands_there(setup: CoordinationSetup) -> None:
+    """Whoever stands there can drive away."""
+    base = Base(setup, _units(a=A, b=B, c=IN_LANE))
+    base.dispatch()
+    assert "b" not in base.under_way
+
+
+def test_a_target_stays_where_only_the_port_of_another_one_cannot_be_reached(
+    setup: CoordinationSetup,
+) -> None:
+    units = _units(a=A, b=B, c=SE2(1.2, -0.9, 0.0), e=SE2(-1.6, -0.9, 0.0))
+    units["e"].evasions = TIRED
+    base = Base(setup, units, [DOCK, Task("c to e", TaskKind.DOCK, "c", parent_unit="e", port="rear")])
+    assert base.dispatch()
+    assert base.under_way == {"a": DOCK.name}
+
+
+def test_ports_of_two_units_are_driven_to_at_once(setup: CoordinationSetup) -> None:
+    units = _units(a=A, b=B, c=SE2(-1.2, -0.3, 0.0), e=SE2(0.5, -0.9, 0.0))
+    other = Task("c to e", TaskKind.DOCK, "c", parent_unit="e", port="rear")
+    base = Base(setup, units, [DOCK, other])
+    assert base.dispatch()
+    assert base.under_way == {"a": DOCK.name, "c": other.name}
+
+
+@pytest.mark.parametrize("kind", [TaskKind.UNDOCK, TaskKind.MOVE])
+def test_a_docked_unit_leaves_its_port_for_a_task_that_names_it(
+    kind: TaskKind, setup: CoordinationSetup
+) -> None:
+    """And for no other: what any unit may do is not for one that is in a port."""
+    pose = SE2(-1.0, 0.5, 0.0) if kind is TaskKind.MOVE else None
+    for unit in (None, "a"):
+        units = _units(a=setup.lanes.body.docked(B, "rear"), b=B)
+        units["a"].state, units["a"].holder = UnitState.DOCKED, ("b", "rear")
+        units["b"].state = UnitState.DOCKED
+        base = Base(setup, units, [Task("leave", kind, unit, pose=pose)])
+        assert base.dispatch() is (unit is not None)
+        assert base.under_way == ({} if unit is None else {"a": "leave"})
+        assert base.units["a"].unlocks is (unit is not None)
+
+
+@pytest.mark.parametrize("state", [UnitState.FAILED, UnitState.LOST])
+def test_whoever_is_out_of_action_or_unseen_does_not_set_out(
+    state: UnitState, setup: CoordinationSetup
+) -> None:
+    move = Task("a", TaskKind.MOVE, "a", pose=SE2(0.8, 0.9, 0.0))
+    assert not Base(setup, {"a": UnitRecord("a", A, state=state)}, [move]).dispatch()
+    assert not Base(setup, {"a": UnitRecord("a")}, [move]).dispatch()
+
+
+def test_whoever_stands_where_others_still_have_to_drive_waits_until_they_have_passed(
+    setup: CoordinationSetup,
+) -> None:
+    listed = [Task(name, TaskKind.MOVE, name, pose=SE2(0.8, y, 0.0)) for name, y in (("a", 0.9), ("c", -0.9))]
+    base = Base(setup, _units(a=A, c=SE2(-1.2, -0.9, 0.0)), listed[:1])
+    assert base.dispatch()
+    a, c = base.units["a"], base.units["c"]
+    assert a.track is not None
+    c.X_WU, base.tasks = a.track.at(0.5 * a.track.length), TaskList(listed[1:])
+    assert not base.dispatch()
+    assert base.dispatcher.waits_for_tracks
+    a.progress = a.track.length
+    assert base.dispatch()
+    assert not base.dispatcher.waits_for_tracks
+
+
+def test_an_obstacle_in_the_lane_ahead_is_told_of_those_who_drive_to_it(setup: CoordinationSetup) -> None:
+    base = Base(setup, _units(a=A, b=B, c=SE2(1.0, 1.2, 0.0)))
+    base.dispatcher.ends.obstacles = (_post(0.1, 0.0, 0.03),)
+    assert [base.dispatcher.ahead_in_lane(unit) for unit in base.units.values()] == [None] * 3
+    assert base.dispatch()
+    base.dispatcher.ends.obstacles = (_post(0.1, 0.0, 0.03),)
+    assert [base.dispatcher.ahead_in_lane(unit) for unit in base.units.values()] == ["post", None, None]
+    base.units["a"].stand(2_000_000_000, "")
+    assert base.dispatcher.ahead_in_lane(base.units["a"]) is None
+
+
+def test_another_unit_gets_a_task_for_which_the_nearest_finds_no_route(setup: CoordinationSetup) -> None:
+    near, far = _boxed_in(setup).units["a"].pose, SE2(1.2, 0.9, 0.0)
+    task = Task("place", TaskKind.MOVE, pose=SE2(-0.9, -0.4, 0.0), stays=True)
+    units = _units(a=near, c=near @ SE2(0.24, 0.0, 0.0), d=far)
+    units["c"].state = UnitState.FAILED
+    base = Base(setup, units, [task])
+    assert base.dispatcher.assigner.assignment(base.tasks) == {"place": "a"}
+    assert base.dispatch()
+    assert base.under_way == {"d": "place"}
+
+
+def test_a_unit_that_has_stopped_short_is_docked_to_when_nobody_drives_to_where_it_was_to_be(
+    setup: CoordinationSetup,
+) -> None:
+    right = Task("c to b", TaskKind.DOCK, "c", parent_unit="b", port="left")
+    base = Base(setup, _units(a=A, b=B, c=SE2(-1.2, -0.9, 0.0)), [DOCK, right])
+    assert base.dispatch()
+    assert base.under_way == {"a": DOCK.name, "c": right.name}
+    base.tasks.reopen(right.name)
+    base.units["c"].stand(2_000_000_000, "")
+    base.units["b"].X_WU = B @ SE2(-0.3, 0.0, 0.0)  # elsewhere than where a drives to
+    base.dispatch()
+    assert right.name not in base.under_way.values()
+    base.tasks.reopen(DOCK.name)
+    for unit in base.units.values():
+        unit.stand(2_000_000_000, "")
+    assert base.dispatch()
+    assert right.name in base.under_way.values()
+
+
+def test_hindrances_are_told_by_unit(setup: CoordinationSetup) -> None:
+    base = Base(setup, _units(a=A, b=B, c=IN_LANE))
+    assert base.dispatcher.hindrance(DOCK, base.tasks) == "a cannot dock: c closes the lane to b.rear"
+    free = Task("place", TaskKind.MOVE, pose=SE2(), stays=True)
+    units = {"a": UnitRecord("a"), "b": UnitRecord("b", B, state=UnitState.DOCKED)}
+    units["c"] = UnitRecord("c", state=UnitState.FAILED)
+    unseen = Base(setup, units, [free])
+    assert unseen.dispatcher.hindrance(free, unseen.tasks) == "no unit is left; never seen from above: a"
+    boxed = _boxed_in(setup)
+    boxed.units["c"].state = UnitState.FAILED
+    assert boxed.dispatcher.hindrance(boxed.listed[0], boxed.tasks) == "a finds no route past c"
