@@ -450,10 +450,43 @@ def follow_silent(unit: Unit, seconds: float, now_ns: int) -> int:
 
 
 def test_a_unit_that_is_not_seen_stands_and_gives_up(granted: tuple[Unit, Authority]) -> None:
+    """Whenever that is in a mission, and for no longer than it was told to wait."""
     unit, message = granted
     unit.assembler.receive(message)
-    for k in range(1, 600):
-        unit.step(k * DT_NS, None)
+    begin_ns, lost_ns = 100_000_000_000, round(1e9 * unit.assembler.params.watch.lost_s)
+    for now_ns in range(begin_ns, begin_ns + lost_ns + DT_NS, DT_NS):
+        unit.step(now_ns, None)
         assert not unit.twist.any()
+        assert unit.gave_up is None
+    unit.step(now_ns + DT_NS, None)
     assert unit.gave_up is not None
     assert unit.gave_up.failure is FailureReason.NOT_LOCALISED
+
+
+@pytest.mark.parametrize("turn", [-0.5, 0.5])
+def test_it_drives_backwards_after_a_turn(turn: float) -> None:
+    """As far as granted, counted from where that leg begins."""
+    unit = Fleet(STARTS, Mission())._unit("a", SE2(), ("b", "c", "d"))
+    first = RouteLeg(LegKind.TURN, (0.0, 0.0, 0.0), (), (), turn, 0.05)
+    back = RouteLeg(LegKind.REVERSE, (0.0, 0.0, turn), (), (), 0.0, 0.25)
+    last = RouteLeg(LegKind.TURN, (-0.2 * math.cos(turn), -0.2 * math.sin(turn), turn), (), (), turn, 0.3)
+    message = Authority("a", 1, 1, 0, 3_000_000_000, last.end, (first, back, last), None, False)
+    follow(unit, message, 0.15, 6.0, 0)
+    assert -(SE2(0.0, 0.0, turn).inverse() @ unit.X_WU).x == pytest.approx(0.1, abs=0.02)
+    assert unit.assembler.covered == pytest.approx(0.15, abs=0.02)
+
+
+@pytest.mark.parametrize("turn", [-0.5, 0.5])
+def test_a_leg_begins_only_when_the_unit_has_come_to_rest_from_its_turn(turn: float) -> None:
+    """At either end of a turn, to either side: the path that follows begins where the turn was to end."""
+    unit = Fleet(STARTS, Mission())._unit("a", SE2(0.0, 0.0, turn), ("b", "c", "d"))
+    leg = RouteLeg(LegKind.TURN, (0.0, 0.0, 0.0), (), (), turn, 0.05)
+    path = RouteLeg(LegKind.PATH, (0.0, 0.0, turn), (0.0,), (0.8,), 0.0, 0.75)
+    unit.assembler.receive(Authority("a", 1, 1, 0, 3_000_000_000, path.end, (leg, path), None, False))
+    stages = []
+    for k, w in enumerate((0.3 * turn, 0.3 * turn, 0.0)):
+        observation = Observation(k * DT_NS, twist=Twist(0.0, w), arena=arena_of(unit, k * DT_NS))
+        unit.assembler.step(observation)
+        assert unit.assembler.progress is not None
+        stages.append(unit.assembler.progress.stage)
+    assert stages == ["turn", "turn", "drive"]

@@ -416,3 +416,57 @@ def test_the_envelope_can_be_switched_off() -> None:
 def test_the_same_observations_give_the_same_bits(past_an_obstacle: Arena) -> None:
     again = Arena(SE2(-1.7, 0.3, 0.0), obstacles={"o": (-0.75, 0.09, 0.08, 0.0)}).run()
     assert again.X_WU == past_an_obstacle.X_WU
+
+
+def _ask(arena: Arena, twist: Twist) -> str:
+    """Let 20 ms go by, in which the unit moves by nothing, and return what it does next."""
+    arena.twist = np.array([twist.v, twist.w])
+    arena.now_ns += DT_NS
+    observation = Observation(now_ns=arena.now_ns, twist=twist, arena=arena.arena_estimate())
+    arena.assembler.step(observation)
+    assert arena.assembler.progress is not None
+    return arena.assembler.progress.stage
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize(("v", "w"), [(0.03, 0.0), (0.0, 0.1)])
+def test_it_plans_once_it_stands_or_has_had_its_time_to_come_to_rest(sign: float, v: float, w: float) -> None:
+    """Encoders that always tell of some motion keep no unit from its way."""
+    moving = Arena(SE2(-1.0, 0.3, 2.0), seed=None)
+    stages = [_ask(moving, Twist(sign * v, sign * w)) for _ in range(80)]
+    assert stages[:75] == ["brake"] * 75
+    assert stages[-1] == "turn"
+    assert _ask(Arena(SE2(-1.0, 0.3, 2.0), seed=None), Twist(0.5 * sign * v, 0.5 * sign * w)) == "turn"
+
+
+@pytest.mark.parametrize(("off_deg", "turns"), [(10.0, False), (-10.0, False), (14.0, True), (-14.0, True)])
+def test_it_turns_on_the_spot_only_where_the_path_begins_in_another_direction(
+    off_deg: float, turns: bool
+) -> None:
+    """And then until it is better aligned than one that need not turn."""
+    arena = Arena(SE2(-1.2, 0.0, math.radians(off_deg)), seed=None)
+    assert (_ask(arena, Twist()) == "turn") is turns
+    arena.X_WU = SE2(-1.2, 0.0, math.copysign(math.radians(5.0), off_deg))
+    assert (_ask(arena, Twist()) == "turn") is turns
+    arena.X_WU = SE2(-1.2, 0.0, math.copysign(math.radians(1.0), off_deg))
+    assert _ask(arena, Twist()) == "drive"
+
+
+@pytest.mark.parametrize("yaw", [-2.0, 2.0])
+def test_a_turn_on_the_spot_that_gets_nowhere_ends(yaw: float) -> None:
+    """To either side, with another path from there; one that comes on goes on, however slowly."""
+    watch = AssemblyParams().watch
+    held, slow = (Arena(SE2(-1.2, 0.0, yaw), seed=None) for _ in range(2))
+    numbers = []
+    for _ in range(round(50.0 * watch.stuck_s) + 3):
+        _ask(held, Twist())
+        assert held.assembler.path is not None
+        numbers.append(held.assembler.path.number)
+    assert numbers[:-2] == [1] * len(numbers[:-2])
+    assert numbers[-1] == 2
+    assert "could not turn on the spot" in held.assembler.path.reason
+    for _ in range(round(100.0 * watch.stuck_s)):
+        slow.X_WU = SE2(-1.2, 0.0, slow.X_WU.yaw - math.copysign(0.02 * 0.1, yaw))
+        assert _ask(slow, Twist()) == "turn"
+    assert slow.assembler.path is not None
+    assert slow.assembler.path.number == 1
