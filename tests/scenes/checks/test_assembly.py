@@ -40,6 +40,7 @@ def test_the_scene_as_it_is_has_no_fault(scene_file: Path) -> None:
     ("overrides", "place", "mend"),
     [
         ({"assembled": "[b.front-x.rear]"}, "assembled.0", "no unit named 'x'"),
+        ({"assembled": "[x.front-b.rear]"}, "assembled.0", "no unit named 'x'"),
         ({"assembled": "[b.front-a.raer]"}, "assembled.0", "did you mean 'rear'"),
         ({"assembled": "[b.rear-a.front]"}, "assembled.0", "'rear' of 'b' has no pins; active ports: front"),
         ({"assembled": "[b.front-a.front]"}, "assembled.0", "no holes to dock to; passive ports: "),

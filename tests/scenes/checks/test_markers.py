@@ -129,3 +129,19 @@ def test_a_file_that_is_no_map_is_refused(tmp_path: Path) -> None:
     (tmp_path / "map.yaml").write_text("family: tag36h11\n")
     with pytest.raises(SceneError, match=r"markers\.rear: .*map\.yaml.* expected a map of tags"):
         load_scene(scene_file(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ({"units.b.frames": "{camera: nowhere}"}, r"units\.b\.frames\.camera: .* no link 'nowhere'"),
+        ({"units.b.urdf": "none.urdf"}, r"units\.b\.urdf: no URDF named 'none\.urdf'"),
+    ],
+)
+def test_of_a_robot_that_cannot_be_read_that_is_said_and_nothing_of_its_markers(
+    overrides: dict[str, str], message: str, tmp_path: Path
+) -> None:
+    measured(tmp_path)
+    with pytest.raises(SceneError, match=message) as refused:
+        load_scene(scene_file(tmp_path), overrides)
+    assert "markers" not in str(refused.value)

@@ -11,6 +11,7 @@ from msrr_scenes.errors import SceneError
 @pytest.mark.parametrize(
     ("overrides", "place", "mend"),
     [
+        ({"plan": "[]"}, "plan", "expected at least 1 entry, or a shape"),
         ({"plan.0.to": "d.rear"}, "plan.0.to", "no unit named 'd'"),
         ({"plan.0.unit": "aa"}, "plan.0.unit", "Units: b, a, c"),
         ({"plan.0.to": "a.rear"}, "plan.0.to", "cannot dock to itself"),
@@ -49,6 +50,19 @@ from msrr_scenes.errors import SceneError
             {"faults": "[{kind: camera_blackout, camera: a/onbord, from_s: 0, to_s: 1}]"},
             "faults.0.camera",
             "did you mean 'a/onboard'?",
+        ),
+        (
+            {"faults": "[{kind: camera_blackout, camera: overhed, from_s: 0, to_s: 1}]"},
+            "faults.0.camera",
+            "did you mean 'overhead'? Cameras: overhead, b/onboard",
+        ),
+        (
+            {
+                "cameras.overhead": "null",
+                "faults": "[{kind: camera_blackout, camera: overhead, from_s: 0, to_s: 1}]",
+            },
+            "faults.0.camera",
+            "no camera 'overhead'. Cameras: b/onboard",
         ),
         (
             {"faults": "[{kind: camera_blackout, camera: overhead, from_s: 2, to_s: 1}]"},

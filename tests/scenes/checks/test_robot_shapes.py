@@ -137,3 +137,22 @@ def test_a_contact_of_no_use_is_named_with_its_link(link: str, part: str, says: 
         SceneError, match=rf"units\.a\.urdf: contact\.urdf: link '{link}'.* {re.escape(says)}"
     ):
         load_scene("round_robots", {"units.a.urdf": str(tmp_path / "contact.urdf")})
+
+
+@pytest.mark.parametrize(
+    ("link", "part"),
+    [
+        ("caster_rear", '<lateral_friction value="0"/>'),
+        ("left_wheel_link", '<lateral_friction value="0.5"/>'),
+        ("left_wheel_link", '<rolling_friction value="0"/>'),
+        ("left_wheel_link", '<made_of value="rubber"/>'),
+    ],
+)
+def test_a_contact_of_use_is_accepted(link: str, part: str, tmp_path: Path) -> None:
+    """A caster may slide, a wheel may roll without friction; what PyBullet does not read is not checked."""
+    tree = ElementTree.parse(ROUND)
+    contact = tree.getroot().find(f"link[@name='{link}']/contact")
+    assert contact is not None
+    contact[:] = [ElementTree.fromstring(part)]
+    tree.write(tmp_path / "contact.urdf")
+    load_scene("round_robots", {"units.a.urdf": str(tmp_path / "contact.urdf")})
