@@ -93,6 +93,22 @@ def test_a_tag_out_of_view_gives_no_pose() -> None:
     assert sight("careful").see(SE2(-0.35, 0.0, math.pi)) == (None, (None, None))
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_edge_that_leaves_the_view_first_has_no_bearing_and_the_other_one_keeps_its_own(
+    side: float,
+) -> None:
+    """A unit that turns to the left has the target to its right."""
+    of, true = scene("perfect"), sight("perfect")
+    X = SE2(-0.35, 0.0, side * math.radians(33.0))
+    pose, (left, right) = true.see(X)
+    assert pose is not None
+    assert_near(pose, X, 1e-6, 1e-6)
+    kept, lost = (left, right) if side > 0.0 else (right, left)
+    assert lost is None
+    bearings = of.los.edge_bearings(X @ of.geometry("a").frame("camera").to_se2())
+    assert kept == pytest.approx(bearings[0 if side > 0.0 else 1], abs=5e-4)
+
+
 def test_a_tag_beyond_the_fold_of_the_lens_is_not_in_view() -> None:
     """The polynomial of k1 = -0.1 leads back into the frame from 61 deg on, and to its middle at 72 deg."""
     told = "{fx_px: 417, fy_px: 417, cx_px: 319.5, cy_px: 239.5, k1: -0.1}"

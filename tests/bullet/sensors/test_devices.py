@@ -99,3 +99,22 @@ def test_encoders_of_the_units_have_their_own_errors_given_by_the_seed(shipped: 
             scales.append([encoders.scale for encoders in environment.devices.encoders.values()])
     assert scales[0] == scales[1]
     assert len({*scales[0], *scales[2]}) == 6
+
+
+@pytest.mark.parametrize("wheel", ["left", "right"])
+def test_an_encoder_is_stuck_from_the_time_that_the_scene_names(wheel: str, shipped: Load) -> None:
+    """The other wheel, and those of other units, go on."""
+    fault = f"{{kind: encoder_stuck, unit: a, wheel: {wheel}, from_s: 2}}"
+    scene = shipped("three_units", {"faults": f"[{fault}]"}, blind=True)
+    with environment_of(scene) as environment:
+        encoders = environment.devices.encoders
+    turned = {}
+    for unit in ("a", "b"):
+        readings = [encoders[unit].read((k, k), k * 1_000_000_000) for k in range(4)]
+        turned[unit] = {
+            side: np.diff([getattr(r, side) for r in readings]) > 0.5 for side in ("left", "right")
+        }
+    other = "right" if wheel == "left" else "left"
+    assert turned["a"][wheel].tolist() == [True, False, False]
+    for goes_on in (turned["a"][other], *turned["b"].values()):
+        assert goes_on.all()
