@@ -55,6 +55,7 @@ class DriveWatch:
     def restart(self) -> None:
         """Begin anew after a time without readings, in which nothing was commanded."""
         self._last = self._stood = None
+        self._waited_s, self._asked = 0.0, (0.0, 0.0)
 
     def judge(self, action: Action) -> Action:
         """Return what is commanded until the next decision: the action, or to give up.

@@ -110,3 +110,14 @@ def test_a_time_without_readings_is_none_of_standing(watch: DriveWatch) -> None:
     actions = run(watch, FORWARDS, SEIZED_S - 0.5, start_s=30.02)
     assert {action.phase for action in actions} == {Phase.ASSEMBLE}
     assert run(watch, FORWARDS, 1.0, start_s=30.02 + SEIZED_S - 0.5)[-1].phase is Phase.FAILED
+
+
+def test_a_new_route_begins_anew_although_no_reading_has_arrived_since(watch: DriveWatch) -> None:
+    """The decision comes first; what the wheels did not do for the route before told it to give up."""
+    run(watch, FORWARDS, SEIZED_S)
+    end_ns = round(1e9 * SEIZED_S)
+    for k in range(2):  # the last of these is more than it waits, and nothing is decided on it any more
+        watch.read(WheelOdometry("a", end_ns + k * PERIOD_NS, 40.0, 40.0))
+    watch.restart()
+    assert watch.judge(Action(end_ns, Phase.ASSEMBLE, 1, FORWARDS)).phase is Phase.ASSEMBLE
+    assert watch.belief is None
