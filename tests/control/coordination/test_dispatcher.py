@@ -14,6 +14,7 @@ from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.shapes.tasks import Task, TaskKind, TaskState
+from msrr_control.tracks.track import standing
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import UnitState
@@ -84,7 +85,7 @@ def test_units_set_out_together_unless_one_goes_after_the_other(
 def test_whoever_stands_in_the_lane_is_sent_to_where_it_is_in_nobody_s_way(setup: CoordinationSetup) -> None:
     """One after the other, whatever else others are under way for; whoever stands elsewhere stays."""
     units = _units(a=A, b=B, c=IN_LANE, d=SE2(-0.7, 0.0, 0.0), e=SE2(0.3, 0.6, 0.0))
-    units["f"] = UnitRecord("f", SE2(1.7, -1.0, 0.5 * math.pi))
+    units |= {"f": UnitRecord("f", SE2(1.7, -1.0, 0.5 * math.pi)), "unseen": UnitRecord("unseen")}
     base = Base(setup, units, [DOCK, Task("f", TaskKind.MOVE, "f", pose=SE2(1.7, 0.9, 0.5 * math.pi))])
     assert base.dispatch()
     assert base.dispatch()
@@ -249,6 +250,16 @@ def test_whoever_stands_where_others_still_have_to_drive_waits_until_they_have_p
     a.progress = a.track.length
     assert base.dispatch()
     assert not base.dispatcher.waits_for_tracks
+
+
+def test_whoever_makes_way_gets_its_own_route_only_when_it_has_come_to_rest(setup: CoordinationSetup) -> None:
+    move = Task("a", TaskKind.MOVE, "a", pose=SE2(0.8, 0.9, 0.0))
+    base = Base(setup, _units(a=A), [move])
+    a = base.units["a"]
+    a.set_out(standing(A), None, 1, 0)
+    assert not base.dispatch()
+    a.stand(2_000_000_000, "")
+    assert base.dispatch()
 
 
 def test_an_obstacle_in_the_lane_ahead_is_told_of_those_who_drive_to_it(setup: CoordinationSetup) -> None:

@@ -22,6 +22,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Detections,
     Exposure,
+    ExposureCounts,
     PoseEstimate,
     PoseMeasurement,
     TagDetection,
@@ -271,8 +272,9 @@ def test_it_starts_anew_with_exactly_the_picture_that_reaches_the_threshold(
     for _ in range(30):
         ekf.add_odometry(drive.step()[0])
     drive.X_DU = SE2(-0.65, -0.12, -0.2)
-    pictures, before = 0, ekf.estimate(drive.now_ns)
+    pictures, before, counts = 0, ekf.estimate(drive.now_ns), ekf.exposures
     assert before is not None
+    assert counts == ExposureCounts(used=counts.total)
     while pictures < reset_after:
         reading, picture = drive.step()
         ekf.add_odometry(reading)
@@ -282,6 +284,7 @@ def test_it_starts_anew_with_exactly_the_picture_that_reaches_the_threshold(
         ekf.add_detections(picture)
         found = ekf.estimate(drive.now_ns)
         assert found is not None
+        assert ekf.exposures == counts + ExposureCounts(rejected=pictures)
         error = np.abs(_error(found, drive.X_DU)[:2]).max()
         if pictures < reset_after:
             assert found.last_seen_ns == before.last_seen_ns, "gated out"
@@ -297,6 +300,7 @@ def test_a_good_picture_in_between_begins_the_count_anew(
     """Two wrong ones, a good one, two wrong ones: with ``reset_after`` = 3 the filter stays where it is."""
     ekf, drive = _ekf(target, scene, reset_after=3), make_drive(6)
     _follow(drive, ekf, 150, 0)
+    counts = ekf.exposures
     for wrong in (True, True, False, True, True):
         picture = None
         while picture is None:
@@ -309,6 +313,7 @@ def test_a_good_picture_in_between_begins_the_count_anew(
             drive.X_DU = true
         ekf.add_detections(picture)
         assert np.abs(_error(ekf.estimate(drive.now_ns), true)[:2]).max() < 0.01
+    assert ekf.exposures == counts + ExposureCounts(used=1, rejected=4)
 
 
 @pytest.mark.parametrize("x", [-0.101, -0.118])

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from msrr_perception.estimation.corner_filter import CornerEkf
-from msrr_perception.estimation.hypotheses import likeliest
+from msrr_perception.estimation.hypotheses import likeliest, mixed
 from msrr_perception.motion.filter_state import FilterState
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
@@ -122,3 +122,17 @@ def test_rivals_are_those_that_lie_apart_and_are_not_far_less_likely() -> None:
         == (found.noise_scale, found.exposures)
         == (6.0, used)
     )
+
+
+@pytest.mark.parametrize("yaw", [0.0, math.pi])
+def test_a_mixture_is_the_best_pose_with_the_second_moments_of_all_about_it(yaw: float) -> None:
+    """Each by its odds; where the headings wrap, as where they do not."""
+    off = np.array([0.03, -0.02, 0.2])
+    best = PoseEstimate(7, SE2(0.1, 0.2, yaw), np.diag([1e-4, 4e-4, 1e-3]), 5)
+    other = PoseEstimate(7, SE2(0.1 + off[0], 0.2 + off[1], yaw + off[2]), np.diag([2e-4, 1e-4, 3e-3]), 5)
+    assert mixed([best], [4.0]).X_DU == best.X_DU
+    np.testing.assert_allclose(mixed([best], [4.0]).covariance, best.covariance)
+    both = mixed([best, other], [4.0, 4.0 + 2.0 * math.log(3.0)])  # three times less likely
+    assert (both.X_DU, both.stamp_ns, both.last_seen_ns) == (best.X_DU, 7, 5)
+    moments = 0.75 * best.covariance + 0.25 * (other.covariance + np.outer(off, off))
+    np.testing.assert_allclose(both.covariance, moments, atol=1e-12)
