@@ -112,3 +112,28 @@ def test_where_the_world_begins_does_not_matter(scene: Scene, off_m: float) -> N
     np.testing.assert_allclose(found[1][1], found[0][1], atol=1e-12)
     if off_m:  # x of D is that of the first world
         np.testing.assert_allclose(found[0][1], uneven, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("x_m", "y_m", "yaw_deg", "in_seat"),
+    [
+        (0.0, -0.014, 0.0, True),
+        (-0.016, 0.0, 0.0, False),
+        (0.0, 0.0, 5.0, False),
+        (0.0, 0.0, -5.0, False),
+        (0.009, 0.009, 3.5, True),
+        (-0.009, -0.009, 3.5, True),
+        (0.009, -0.009, -3.5, True),
+    ],
+)
+def test_a_neighbour_is_in_its_seat_by_place_and_heading_as_seen_from_there(
+    x_m: float, y_m: float, yaw_deg: float, in_seat: bool, scene: Scene
+) -> None:
+    joints = [DockStep(unit="c", to="b.left")]
+    neighbours = CloseNeighbours(scene, ClearanceModel.from_scene(scene), scene.docks[0], joints, 0.03, 3.0)
+    X_WD, seen = scene.geometry("b").dock_frame("rear"), X_DC @ SE2(x_m, y_m, np.radians(yaw_deg))
+    a, b, c = (GlobalPose(n, 0, X, SURE) for n, X in (("a", SE2()), ("b", SE2()), ("c", X_WD @ seen)))
+    sight = PoseEstimate(0, SE2(-0.5, 0.01, 0.02), SURE, 0)
+    (found,) = neighbours.in_dock_frame(ArenaEstimate(0, a, b, (c,), (), 0), sight).others
+    expected = X_DC if in_seat else seen
+    np.testing.assert_allclose(found.X_WB.as_array(), expected.as_array(), atol=1e-3)

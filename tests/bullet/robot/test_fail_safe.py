@@ -125,25 +125,33 @@ def test_a_locked_unit_whose_program_fails_still_says_where_it_hangs(
 
 
 class FragileDocker(Fragile):
-    """A led robot that docks, and has closed its lock or not."""
+    """A led robot before, in or behind a port, which has closed its lock or not."""
 
-    route, leaving, docked_to = 3, False, None
+    route, leaving = 3, False
     dock_step = DockStep(unit="b", port="front", to="a.rear")
 
-    def __init__(self, lock: bool) -> None:
+    def __init__(self, lock: bool, docked_to: str | None) -> None:
         super().__init__()
-        self.lock = lock
+        self.lock, self.docked_to = lock, docked_to
 
     def step(self, now_ns: int) -> Action:
-        return super().step(now_ns).with_twist(Twist()) if self.lock else Action(now_ns, Phase.DOCK, 1)
+        return Action(now_ns, Phase.LOCK if self.lock else Phase.DOCK, 1, lock=self.lock)
 
 
-@pytest.mark.parametrize(("lock", "port"), [(True, "a.rear"), (False, None)])
-def test_one_that_fails_while_it_docks_hangs_in_the_port_if_its_lock_is_to_be_closed(
-    lock: bool, port: str | None
+@pytest.mark.parametrize(
+    ("lock", "docked_to", "port"),
+    [
+        (False, None, None),
+        (True, None, "a.rear"),  # it has not noticed yet that it is locked
+        (True, "a.rear", "a.rear"),
+        (False, "a.rear", "a.rear"),  # its lock may not have opened yet
+    ],
+)
+def test_one_that_fails_near_a_port_hangs_in_it_unless_it_has_never_closed_its_lock_there(
+    lock: bool, docked_to: str | None, port: str | None
 ) -> None:
-    inner: Any = FragileDocker(lock)
-    robot = FailSafeLedRobot("b", lambda: inner)
+    inner: Any = FragileDocker(lock, docked_to)
+    robot = FailSafeLedRobot("b", lambda: inner, docked_to="c.left")  # it was in another port at the start
     robot.step(1)
     inner.fails_in = "path"
     robot.step(2)
