@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from msrr_bullet.trial.trial import Trial
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.messages import Twist
+from msrr_scenes.messages import Action, Phase, Twist
 
 
 def test_a_drive_with_these_errors_moves_as_wanted() -> None:
@@ -26,6 +28,25 @@ def test_a_drive_with_these_errors_moves_as_wanted() -> None:
         v_right = (sent.v + 0.5 * sent.w * target.track) * (1.0 + right)
         assert 0.5 * (v_left + v_right) == pytest.approx(v)
         assert (v_right - v_left) / (target.track * (1.0 + track)) == pytest.approx(w)
+
+
+def test_only_commands_of_a_unit_that_knows_an_error_of_its_drive_change() -> None:
+    scene = load_scene("close_range", {"as_built": "careful"})
+    target = TargetModel.from_scene(scene.told(), scene.docks[0])
+    estimator, action = CornerEkf(target, scene.odometry), Action(0, Phase.DOCK, 1, Twist(0.1, 0.2))
+    assert DriveFeedForward(estimator, target.track).apply(action) is action
+    known = estimator.prior
+    known.mean[:3] = [0.0, 0.02, 0.0]
+    estimator.recall(known)
+    errors = estimator.drive_errors()
+    assert any(errors)
+    assert not all(errors)
+    feed_forward = DriveFeedForward(estimator, target.track)
+    changed = feed_forward.apply(action)
+    assert changed == action.with_twist(feed_forward.command(action.twist, *errors)) != action
+    assert DriveFeedForward(estimator, target.track, enabled=False).apply(action) is action
+    of_a_user: Any = object()
+    assert DriveFeedForward(of_a_user, target.track).apply(action) is action
 
 
 def test_errors_of_the_readings_alone_change_no_command() -> None:

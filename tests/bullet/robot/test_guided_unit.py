@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
+import pytest
 
 from msrr_bullet.robot.guided_unit import GuidedUnit
 from msrr_perception.tracking.body_track import SeenPose, SeenPoses
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import GlobalPose, Twist
+from msrr_scenes.messages import OVERHEAD, GlobalPose, Phase, Twist, WheelOdometry
 from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg, UnitMode
 from msrr_scenes.specs.scene import Scene
 
@@ -54,3 +57,61 @@ def test_a_new_route_begins_with_what_was_seen_before() -> None:
         assert unit.route == route
         assert unit.arena is not None
         assert [o.name for o in unit.arena.obstacles] == ["post"]
+
+
+def test_a_route_is_reported_from_its_first_command_to_its_end() -> None:
+    scene = Scene.model_validate(
+        {"name": "one", "units": {"a": {"number": 0}}, "cameras": {"overhead": {}}, "shape": {"line": 1}}
+    )
+    unit, leg = GuidedUnit(scene, "a"), RouteLeg(LegKind.TURN, (0.0, 0.0, 0.0), (), (), 1.0, 0.1)
+    assert not unit.uses_camera(OVERHEAD)
+    unit.authorise(Authority("a", 1, 1, 0, 60_000_000_000, leg.end, (leg,), None, False))
+    geometry, yaw = scene.geometry("a"), 0.0
+    told = []
+    for now_ns in range(20_000_000, 4_000_000_000, 20_000_000):
+        way = 0.5 * geometry.track / geometry.wheel_radius * yaw
+        unit.receive(WheelOdometry("a", now_ns, -way, way))
+        if now_ns % 100_000_000 == 0:
+            pose = GlobalPose("a", now_ns, SE2(0.0, 0.0, yaw), 1e-6 * np.eye(3))
+            unit.see(SeenPoses(now_ns, (SeenPose(pose, np.zeros((3, 3))),)))
+        yaw += 0.02 * unit.step(now_ns).twist.w
+        report = unit.report(now_ns)
+        assert (report.seq, report.route, report.docked_to) == (1, 1, None)
+        assert report.progress == pytest.approx(0.1 * yaw, abs=0.005)
+        assert (unit.assembly is not None) is (unit.active and unit.arena is not None)
+        told.append((report.mode, unit.active))
+    changes = [now for before, now in pairwise(told) if now != before]
+    assert told[0] == (UnitMode.STANDING, True), "it has not been seen yet"
+    assert changes[0] == (UnitMode.DRIVING, True)
+    assert {mode for mode, _ in changes[1:]} == {UnitMode.STANDING}
+    assert changes[-1] == (UnitMode.STANDING, False)
+    assert report.progress == leg.end
+    assert yaw == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("share", [-1.0, 0.5, 1.0])
+def test_a_locked_unit_opens_its_lock_only_for_a_route_of_which_the_way_out_is_free(share: float) -> None:
+    scene = Scene.model_validate(
+        {
+            "name": "pair",
+            "units": {"a": {"number": 0}, "b": {"number": 1}},
+            "assembled": ["b.front-a.rear"],
+            "plan": [{"undock": "b"}],
+            "cameras": {"overhead": {}},
+        }
+    )
+    unit, leg = GuidedUnit(scene, "b", "a.rear"), RouteLeg(LegKind.BACK, (0.0, 0.0, 0.0), (), (), 0.0, 0.3)
+    limit = share * leg.end
+    unit.authorise(Authority("b", 4, 1, 0, 60_000_000_000, limit, (leg,), None, True))
+    leaves = share == 1.0
+    assert unit.active is leaves
+    action, report = unit.step(20_000_000), unit.report(20_000_000)
+    assert action.lock is not leaves
+    assert action.phase is (Phase.RETREAT if leaves else Phase.DONE)
+    assert unit.leaving is leaves
+    assert (report.mode, report.docked_to) == (UnitMode.DOCKED, "a.rear"), "it is out when it is far enough"
+    assert report.route == (4 if leaves else 0)
+    older = Authority("b", 5, 1, 0, 60_000_000_000, leg.end, (leg,), None, True)
+    unit.authorise(older)
+    unit.step(40_000_000)
+    assert unit.report(40_000_000).route == (4 if leaves else 0), "of the same number: it is not newer"
