@@ -490,3 +490,47 @@ def test_a_leg_begins_only_when_the_unit_has_come_to_rest_from_its_turn(turn: fl
         assert unit.assembler.progress is not None
         stages.append(unit.assembler.progress.stage)
     assert stages == ["turn", "turn", "drive"]
+
+
+def test_a_route_in_the_open_is_over_when_the_unit_faces_its_end_and_rests() -> None:
+    """To either side and in either direction; from then on it stands, whatever noise says."""
+    unit = Fleet(STARTS, Mission())._unit("a", SE2(), ("b", "c", "d"))
+    leg = RouteLeg(LegKind.TURN, (0.0, 0.0, 0.0), (), (), 0.001, 0.0001)
+    unit.assembler.receive(Authority("a", 1, 1, 0, 3_000_000_000, leg.end, (leg,), None, False))
+    now_ns, still = 0, Twist()
+
+    def ask(yaw_deg: float, twist: Twist) -> Twist:
+        nonlocal now_ns
+        now_ns += DT_NS
+        unit.X_WU = SE2(0.0, 0.0, math.radians(yaw_deg))
+        decision = unit.assembler.step(Observation(now_ns, twist=twist, arena=arena_of(unit, now_ns)))
+        assert isinstance(decision, Twist)
+        return decision
+
+    for yaw_deg in (1.5, -1.5):
+        assert ask(yaw_deg, still).w * yaw_deg < 0.0
+        assert not unit.assembler.finished
+    for twist in (Twist(0.05), Twist(-0.05), Twist(0.0, 0.1), Twist(0.0, -0.1)):
+        ask(0.0, twist)
+        assert not unit.assembler.finished
+    assert ask(0.0, still) == still
+    assert unit.assembler.finished
+    assert ask(1.5, still) == still
+    assert unit.assembler.finished
+
+
+def test_a_unit_that_is_seen_again_begins_from_rest() -> None:
+    """It has stopped meanwhile; a law that went on from its last speed would ask for all of that at once."""
+    unit = Fleet(STARTS, Mission())._unit("a", SE2(), ("b", "c", "d"))
+    leg = RouteLeg(LegKind.PATH, (0.0, 0.0, 0.0), (0.0,), (2.1,), 0.0, 2.0)
+    message = Authority("a", 1, 1, 0, 3_000_000_000, leg.end, (leg,), None, False)
+    now_ns = follow(unit, message, leg.end, 4.0, 0)
+    assert unit.passed is not None
+    cruise = unit.passed.v
+    assert cruise > 0.1
+    for _ in range(100):
+        now_ns += DT_NS
+        unit.step(now_ns, None)
+    assert not unit.twist.round(3).any()
+    follow(unit, message, leg.end, 0.02, now_ns)
+    assert 0.0 <= unit.passed.v < 0.2 * cruise

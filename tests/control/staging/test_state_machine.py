@@ -394,14 +394,16 @@ def test_a_unit_without_room_to_turn_drives_straight_first(side: float, along: f
     ("aside_m", "yaw_deg", "there"),
     [(0.0, 11.5, True), (0.0, 12.5, False), (0.0, 90.0, False), (0.049, 0.0, True), (0.051, 0.0, False)],
 )
+@pytest.mark.parametrize("heading", [0.0, 1.0, math.pi])
 def test_it_is_there_by_place_and_by_heading(
-    side: float, aside_m: float, yaw_deg: float, there: bool
+    heading: float, side: float, aside_m: float, yaw_deg: float, there: bool
 ) -> None:
-    """The end of the path lies 0.7 m before the port, at (0.4, 0) in W; the controlled point is put there."""
+    """The end of the path lies 0.7 m before the port; the controlled point is put there."""
     watch = AssemblyParams().watch
     assert (watch.there_m, watch.there_deg) == (0.05, 12.0)
-    X_WU = SE2(0.4, side * aside_m, side * math.radians(yaw_deg)) @ SE2(-0.1, 0.0, 0.0)
-    arena = Arena(X_WU, seed=None)
+    X_WV = SE2(0.0, 0.0, heading)
+    X_VU = SE2(0.4, side * aside_m, side * math.radians(yaw_deg)) @ SE2(-0.1, 0.0, 0.0)
+    arena = Arena(X_WV @ X_VU, X_WV @ SE2(1.2, 0.0, 0.0), seed=None)
     arena.step()
     assert arena.arrived is there
 
