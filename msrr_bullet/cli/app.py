@@ -33,7 +33,14 @@ from msrr_bullet.cli import (
     tolerance_command,
 )
 from msrr_bullet.cli.console import open_closed_streams, open_console
-from msrr_bullet.cli.exit_codes import BAD_INPUT, ExitCodeGroup, Terminated, os_error_text, report_error
+from msrr_bullet.cli.exit_codes import (
+    BAD_INPUT,
+    ExitCodeGroup,
+    Terminated,
+    os_error_text,
+    report_error,
+    report_signal,
+)
 from msrr_bullet.cli.options import Overrides, check_writable, naming_overrides, parse_overrides, write_text
 from msrr_perception.photographs.opencv_environment import set_opencv_environment
 from msrr_scenes.errors import MsrrError
@@ -71,7 +78,9 @@ def main() -> None:
     if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # and not of nohup, which wants it ignored
         signal.signal(signal.SIGHUP, _terminate)
     code = run(sys.argv[1:])
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # from here on Ctrl-C has nothing to save, and no traceback
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, signal.SIG_DFL)  # from here on there is nothing to save, and no traceback
     waits = threading.Timer(_SILENT_S, _name_threads)
     waits.daemon = True
     waits.start()
@@ -111,6 +120,8 @@ def run(arguments: Sequence[str]) -> int:
         program()(list(arguments), prog_name="msrr")
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else 0
+    except Terminated as end:
+        return report_signal(end.number)
     except OSError as error:  # of the help, which is written before any command is invoked
         return report_error(os_error_text(error), BAD_INPUT)
     return 0

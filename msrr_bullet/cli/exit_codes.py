@@ -42,15 +42,17 @@ _LOOP = "Symlink loop from "
 _RETRY_S = 0.1
 
 
-class Terminated(SystemExit):
+class Terminated(BaseException):
     """A signal ends the program, such as SIGTERM; an exception closes every server, process and file.
+
+    It is no SystemExit: that one may come from a class of the user's own, and then ends the trial alone.
 
     Attributes:
         number: The signal.
     """
 
     def __init__(self, number: int) -> None:
-        super().__init__(128 + number)
+        super().__init__(number)
         self.number = number
 
 
@@ -62,16 +64,16 @@ class ExitCodeGroup(TyperGroup):
         with _swallowed_interrupts() as swallowed:
             result = self._invoke(ctx, swallowed)
             if swallowed:
-                raise SystemExit(_reported(swallowed[0]))
+                raise SystemExit(report_signal(swallowed[0]))
             return result
 
     def _invoke(self, ctx: Any, swallowed: Sequence[int]) -> Any:
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
-            raise SystemExit(_reported(signal.SIGINT)) from None
+            raise SystemExit(report_signal(signal.SIGINT)) from None
         except Terminated as end:
-            raise SystemExit(_reported(end.number)) from None
+            raise SystemExit(report_signal(end.number)) from None
         except BrokenPipeError:
             # The reader of the output has gone away; Python would report that once more at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -82,7 +84,7 @@ class ExitCodeGroup(TyperGroup):
             raise SystemExit(report_error(str(error), BAD_INPUT)) from None
         except Exception as error:
             if swallowed:  # the error may follow from the work that the interrupt cut short
-                raise SystemExit(_reported(swallowed[0])) from None
+                raise SystemExit(report_signal(swallowed[0])) from None
             if hasattr(error, "exit_code"):  # typer's own exceptions: usage errors, and the end of a command
                 raise
             if isinstance(error, RuntimeError) and str(error).startswith(_LOOP):  # of Path.resolve()
@@ -93,7 +95,7 @@ class ExitCodeGroup(TyperGroup):
             raise SystemExit(report_error(text, PROGRAM_ERROR)) from None
 
 
-def _reported(number: int) -> int:
+def report_signal(number: int) -> int:
     """Write to standard error that a signal has ended the program, and return the exit code."""
     if number == signal.SIGINT:
         return report_error("interrupted", INTERRUPTED)

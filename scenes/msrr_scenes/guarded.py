@@ -200,7 +200,10 @@ def _place(file: str | None, line: int | None) -> str:
 
 
 def plain_text(text: str, longest: int = _LONGEST) -> str:
-    """Return a text in one line that can be written, without addresses, which differ between processes."""
+    """Return a text in one line that can be written, without addresses, which differ between processes.
+
+    What no terminal prints, such as a control character that it would obey, is written as an escape.
+    """
     text = re.sub(r"0x[0-9a-fA-F]{6,}", "0x...", " ".join(text.split()))
-    text = text.encode("utf-8", "backslashreplace").decode()
+    text = "".join(each if each.isprintable() else ascii(each)[1:-1] for each in text)
     return text if len(text) <= longest else f"{text[: longest - 4]} ..."

@@ -144,8 +144,8 @@ def test_what_a_class_makes_of_numpy_s_warnings_ends_with_its_call() -> None:
 
 def test_a_failure_reads_the_same_in_every_process() -> None:
     """Its text is logged, and a replay compares it."""
-    texts = {in_one_line(ValueError(f"bad\n {object()} \ud800")) for _ in range(3)}
-    assert texts == {"ValueError: bad <object object at 0x...> \\ud800"}
+    texts = {in_one_line(ValueError(f"bad\n {object()} \ud800 \x1b[31mé")) for _ in range(3)}
+    assert texts == {"ValueError: bad <object object at 0x...> \\ud800 \\x1b[31mé"}
     assert len(in_one_line(ValueError("x" * 10_000))) == 300
 
 

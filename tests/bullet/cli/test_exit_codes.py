@@ -18,6 +18,7 @@ import typer
 from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import Terminated
 from msrr_scenes.errors import SceneError
+from msrr_scenes.guarded import Guarded, no_result
 
 Capture = pytest.CaptureFixture[str]
 
@@ -208,3 +209,16 @@ def test_a_link_that_leads_back_to_itself_is_bad_input(tmp_path: Path, capsys: C
     assert run(["detect", str(tmp_path / "loop.png"), "--json", str(tmp_path / "tags.json")]) == 2
     said = capsys.readouterr().err
     assert said == f"msrr: '{tmp_path / 'loop.png'}': a link that leads back to itself; name a file\n"
+
+
+def test_a_signal_during_a_call_of_a_user_s_class_is_no_failure_of_that_class(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Terminating:
+        def step(self) -> None:
+            signal.raise_signal(signal.SIGTERM)
+
+    own = Guarded("controller", "mine:Terminating", Terminating(), {"step": no_result})
+    monkeypatch.setattr("msrr_bullet.run.run_trial", lambda *_, **__: own.step())
+    assert run(["dock", "close_range"]) == 143
+    assert capsys.readouterr().err == "msrr: terminated\n"
