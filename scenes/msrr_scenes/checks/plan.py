@@ -113,8 +113,9 @@ def _busy_units(scene: Scene) -> Iterator[Problem]:
         earlier = first.setdefault((step.unit, step.port), i)
         if earlier != i:
             text = (
-                f"{step.unit!r} is still docked by its port {step.port} since plan step {earlier}, and a "
-                "plan does not undock; remove one of the steps or name another unit"
+                f"{step.unit!r} is still docked by its port {step.port} since plan step {earlier}, and units "
+                "on their own do not undock; add `radio: {}` to the scene, so that a base station leads "
+                "them, or remove one of the steps"
             )
             yield Problem(("plan", i, "unit"), text)
 

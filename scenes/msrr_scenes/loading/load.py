@@ -61,7 +61,7 @@ def find_scene(name_or_path: str) -> Path:
     if name_or_path in shipped_scenes():
         return LIBRARY / f"{name_or_path}.yaml"
     try:
-        if path.suffix in (".yaml", ".yml") or len(path.parts) > 1:
+        if path.suffix in (".yaml", ".yml") or len(path.parts) > 1 or path.exists():
             if path.is_dir():
                 raise SceneError(f"{name_or_path}: a folder; name a scene file in it")
             if not path.is_file():

@@ -47,7 +47,8 @@ def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel]) 
     if kind == "missing":
         return Problem((*path, str(loc[-1])), "required, and missing", rank=1)
     if kind == "flag":
-        return Problem((*path, context["key"]), f"expected a value, found the flag {context['shown']}")
+        found = f"the flag {context['shown']}; yes, no, on and off are flags unless quoted"
+        return Problem((*path, context["key"]), f"expected a value, found {found}")
     if kind == "too_short":
         # pydantic counts the items that passed: a list whose only item is wrong is "too short" as well.
         enough = len(given) >= context["min_length"]

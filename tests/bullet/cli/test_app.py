@@ -191,7 +191,7 @@ def test_a_place_that_cannot_be_written_is_named_before_the_work(
         (["sweep", "close_range", "--jobs", "0"], "--jobs"),
         (["sweep", "close_range", "--json", "no/such/folder.json"], "not a file in an existing folder"),
         (["bench", "close_range", "--json", "."], "not a file in an existing folder"),
-        (["check", "."], "unknown scene '.'"),
+        (["check", "."], ".: a folder; name a scene file in it"),
         (["dock", "close_range", "--out", ""], "an argument is empty; give it a value"),
         (["dock", "close_range", "--out="], "an argument is empty; give it a value"),
         (["replay", "no/such/run"], "no/such/run: cannot read the log"),

@@ -159,7 +159,7 @@ def test_the_issues_start_sets_and_limits() -> None:
         ),
         ("radius_m: 0.05", "radius_m: .nan", ["scene.yaml:17:5: obstacles.post.radius_m", "finite", "nan"]),
         ("radius_m: 0.05", "radius_m: .inf", ["scene.yaml:17:5: obstacles.post.radius_m", "finite", "inf"]),
-        ("number: 1", "number: yes", ["scene.yaml:5:5: units.b.number", "the flag true"]),
+        ("number: 1", "number: yes", ["scene.yaml:5:5: units.b.number", "the flag true; yes, no, "]),
         ("number: 1", "number: 1\n    tag_sizes_m: {tag_top: yes}", ["units.b.tag_sizes_m", "the flag true"]),
         ("number: 1", "number: two", ["scene.yaml:5:5: units.b.number", "expected an integer, found 'two'"]),
         (
@@ -246,6 +246,8 @@ def test_other_ways_not_to_be_a_scene(tmp_path: Path, monkeypatch: pytest.Monkey
     write(tmp_path, GOOD)
     with pytest.raises(UnknownNameError, match=r"named by its path, such as scene\.yaml\."):
         load_scene("scene")
+    (tmp_path / "scene.yaml").rename("scene")  # without an ending it is no other file
+    assert load_scene("scene").name == "scene"
     for name in ("x" * 5000, f"{'x' * 5000}.yaml"):
         with pytest.raises((UnknownNameError, SceneError), match=r"unknown scene|File name too long"):
             load_scene(name)
