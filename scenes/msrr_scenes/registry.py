@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 
 from pydantic import BaseModel
 
-from msrr_scenes.errors import ChangedFileError, MsrrError, SceneError, UnknownNameError
+from msrr_scenes.errors import ChangedFileError, MsrrError, SceneError, UnknownNameError, nearest
 from msrr_scenes.guarded import Check, Guarded, failure, file_of, in_one_line, numpy_errors, raised_at
 from msrr_scenes.own_modules import import_own
 from msrr_scenes.specs.spec import Choice
@@ -143,6 +143,9 @@ def build(kind: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fix
         try:
             _signature(own).bind(*args, **fixed, **choice.params)
         except TypeError as error:
+            unknown = _unknown_parameter(own, args, fixed, choice.params)
+            if unknown is not None:
+                raise SceneError(f"{kind} {choice.name!r} does not take {unknown}") from error
             given = [type(arg).__name__ for arg in args]
             given += [f"{key}={value!r}" for key, value in {**fixed, **choice.params}.items()]
             raise SceneError(f"{kind} {choice.name!r} does not take ({', '.join(given)}): {error}") from error
@@ -153,6 +156,9 @@ def build(kind: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fix
         raise
     except (Exception, SystemExit) as error:
         if own is None and isinstance(error, ValueError | TypeError):
+            unknown = _unknown_parameter(factory, args, fixed, choice.params)
+            if unknown is not None:
+                raise SceneError(f"{kind} {choice.name!r} does not take {unknown}") from error
             raise SceneError(f"{misfit}: {error}") from error
         if own is None:
             raise
@@ -184,7 +190,30 @@ def out_of_range(
     return None
 
 
-def _signature(cls: type) -> inspect.Signature:
+def _unknown_parameter(
+    factory: Callable[..., object],
+    args: tuple[object, ...],
+    fixed: Mapping[str, object],
+    params: Mapping[str, Any],
+) -> str | None:
+    """Return the first parameter that a factory does not know, and those that it does; None without one."""
+    signature = _signature(factory)
+    try:
+        given = signature.bind_partial(*args, **fixed).arguments
+    except TypeError:  # it does not take what the testbed passes either
+        return None
+    parameters = signature.parameters.values()
+    if any(each.kind is each.VAR_KEYWORD for each in parameters):
+        return None
+    named = [each.name for each in parameters if each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)]
+    known = [name for name in named if name not in given]
+    unknown = next((name for name in params if name not in known), None)
+    if unknown is None:
+        return None
+    return f"{unknown!r}{nearest(unknown, known)} Parameters here: {', '.join(known) or 'none'}"
+
+
+def _signature(cls: Callable[..., object]) -> inspect.Signature:
     """Return the signature with which a class is built; one that takes anything if it cannot be told."""
     try:
         return inspect.signature(cls)

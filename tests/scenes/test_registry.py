@@ -177,6 +177,16 @@ def test_build_blames_the_scene_for_parameters_that_do_not_fit(params: dict[str,
     assert isinstance(caught.value.__cause__, (TypeError, ValueError))
 
 
+def test_an_unknown_parameter_is_named_with_those_that_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    says = r"does not take 'siz'; did you mean 'size'\? Parameters here: size$"
+    module = types.ModuleType("sized_gadget")
+    module.Thing = Thing
+    monkeypatch.setitem(sys.modules, "sized_gadget", module)
+    for name in ("thing", "sized_gadget:Thing"):
+        with pytest.raises(SceneError, match=says):
+            build("gadget", Choice(name=name, params={"siz": 1}), TABLE, 7)
+
+
 def test_a_class_that_changes_its_parameters_does_not_change_the_scene() -> None:
     """The second trial of a scene was another one than the first."""
 

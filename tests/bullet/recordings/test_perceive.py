@@ -276,6 +276,17 @@ def test_a_recording_is_not_replaced_by_what_is_made_of_it(trial: Trial) -> None
     assert {f.name: f.stat().st_size for f in trial.folder.iterdir()} == before
 
 
+def test_a_detector_that_cannot_be_built_leaves_the_run_that_is_there(trial: Trial, tmp_path: Path) -> None:
+    out, target = tmp_path / "out", tmp_path / "target.yaml"
+    out.mkdir()
+    (out / "trial.mcap").write_bytes(b"of an earlier run")
+    spec = yaml.safe_load(trial.target.read_text())
+    target.write_text(yaml.safe_dump({**spec, "control": {"detector": "pupill"}}))
+    with pytest.raises(MsrrError, match=r"target\.yaml: control: unknown detector 'pupill'; did you mean"):
+        perceive(trial.folder, target, out=out)
+    assert [file.read_bytes() for file in out.iterdir()] == [b"of an earlier run"]
+
+
 def test_a_variance_that_is_negative_by_rounding_is_no_deviation() -> None:
     """The check of an estimator of a user's own lets it pass; its root was a traceback."""
     sigma = sigma_of(PoseEstimate(0, SE2(), np.diag([0.04, 0.01, -1e-19]), 0))
