@@ -41,7 +41,14 @@ from msrr_bullet.cli.exit_codes import (
     report_error,
     report_signal,
 )
-from msrr_bullet.cli.options import Overrides, check_writable, naming_overrides, parse_overrides, write_text
+from msrr_bullet.cli.options import (
+    Overrides,
+    check_writable,
+    naming_overrides,
+    parse_overrides,
+    scenes_beginning_with,
+    write_text,
+)
 from msrr_perception.photographs.opencv_environment import set_opencv_environment
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.wording import counted
@@ -54,7 +61,6 @@ app = typer.Typer(
     cls=ExitCodeGroup,
     help="Docking of mobile robots by what their rendered cameras see.",
     no_args_is_help=True,
-    add_completion=False,
     rich_markup_mode=None,  # markup would swallow every [default: ...]
     pretty_exceptions_enable=False,
 )
@@ -161,7 +167,12 @@ def scenes() -> None:
 @app.command()
 def check(
     files: Annotated[
-        list[str], typer.Argument(metavar="FILE...", help="Scene files, or names of shipped scenes.")
+        list[str],
+        typer.Argument(
+            metavar="FILE...",
+            help="Scene files, or names of shipped scenes.",
+            autocompletion=scenes_beginning_with,
+        ),
     ],
     overrides: Overrides = None,
 ) -> None:

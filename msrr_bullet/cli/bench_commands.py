@@ -17,6 +17,7 @@ from msrr_bullet.cli.options import (
     Overrides,
     check_writable,
     parse_overrides,
+    scenes_beginning_with,
     write_output,
 )
 from msrr_scenes.errors import SceneError
@@ -28,7 +29,9 @@ if TYPE_CHECKING:  # loaded by what makes the tables, so that msrr --help is qui
 Target = Annotated[
     str,
     typer.Argument(
-        metavar="TARGET", help="A scene, or cameras (compares renderers), or detection (compares settings)."
+        metavar="TARGET",
+        help="A scene, or cameras (compares renderers), or detection (compares settings).",
+        autocompletion=scenes_beginning_with,
     ),
 ]
 

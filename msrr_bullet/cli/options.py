@@ -20,8 +20,21 @@ from msrr_scenes.errors import SceneError
 from msrr_scenes.whole_files import write_whole
 from msrr_scenes.wording import counted
 
+
+def scenes_beginning_with(incomplete: str) -> list[str]:
+    """Return the shipped scenes that a shell offers; it offers the files itself."""
+    from msrr_scenes.loading.load import shipped_scenes
+
+    return [name for name in shipped_scenes() if name.startswith(incomplete)]
+
+
 SceneName = Annotated[
-    str, typer.Argument(metavar="SCENE", help="Name of a shipped scene, or path of a scene file.")
+    str,
+    typer.Argument(
+        metavar="SCENE",
+        help="Name of a shipped scene, or path of a scene file.",
+        autocompletion=scenes_beginning_with,
+    ),
 ]
 Overrides = Annotated[
     list[str] | None,

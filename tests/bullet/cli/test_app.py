@@ -44,6 +44,25 @@ def test_help_shows_every_default(name: str, capsys: Capture) -> None:
             pytest.fail(f"msrr {name} --out: the help does not say where its files go")
 
 
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("msrr swe", ["sweep"]),
+        ("msrr sweep --se", ["--seeds", "--set"]),
+        ("msrr dock two_u", ["two_units", "two_units_free"]),
+        ("msrr check close_range two_o", ["two_obstacles"]),
+    ],
+)
+def test_a_shell_completes_commands_options_and_scenes(
+    words: str, offered: list[str], capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("_MSRR_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", words)
+    monkeypatch.setenv("COMP_CWORD", str(words.count(" ")))
+    assert run([]) == 0
+    assert capsys.readouterr().out.split() == offered
+
+
 def test_scenes_are_listed(capsys: Capture) -> None:
     assert run(["scenes"]) == 0
     out = capsys.readouterr().out
