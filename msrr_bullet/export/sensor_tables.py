@@ -35,17 +35,23 @@ from msrr_scenes.messages import (
     WheelOdometry,
 )
 
+_CORNERS = ("bottom_left", "bottom_right", "top_right", "top_left")
 _DETECTION_COLUMNS = columns(
     **UNIT,
     **FRAME,
     tag_id="identity of the tag",
     **{
         f"{corner}_{axis}_px": f"{axis} of the {corner.replace('_', ' ')} corner of the tag's own image"
-        for corner in ("bottom_left", "bottom_right", "top_right", "top_left")
+        for corner in _CORNERS
         for axis in "xy"
     },
     decision_margin_grey="confidence of the detector",
     hamming="number of corrected bits",
+    **{
+        f"{corner}_sigma_px": f"standard deviation of each coordinate of the {corner.replace('_', ' ')} "
+        "corner; empty if the detector does not tell"
+        for corner in _CORNERS
+    },
 )
 
 
@@ -53,7 +59,8 @@ def _detection_rows(record: LogRecord, m: Detections | Localisation) -> Iterator
     detections = m.detections if isinstance(m, Localisation) else m
     for tag in detections.tags:
         corners = map(float, tag.corners.ravel())
-        values = (tag.tag_id, *corners, tag.decision_margin, tag.hamming)
+        sigmas = (None,) * 4 if tag.corner_sigma_px is None else map(float, tag.corner_sigma_px)
+        values = (tag.tag_id, *corners, tag.decision_margin, tag.hamming, *sigmas)
         yield (*unit(record), *frame(detections.exposure), *values)
 
 

@@ -19,7 +19,7 @@ from msrr_bullet.log import LOG_NAME, LogError, read_log
 from msrr_bullet.log.formats import message_types
 from msrr_bullet.log.records import CameraWindow, FrameLinks
 from msrr_bullet.run_folder import RunFolderError
-from msrr_scenes.messages import Action, LosStatus, ObstacleEstimate, PoseEstimate
+from msrr_scenes.messages import Action, Detections, LosStatus, ObstacleEstimate, PoseEstimate
 from msrr_scenes.messages.coordination import Authority, MissionStatus
 
 
@@ -116,6 +116,17 @@ def test_windows_and_exposures_are_those_of_the_log(short_log, folder):
     assert [(r["camera"], int(r["width_px"])) for r in table] == [
         (w.exposure.camera, w.window.width) for w in windows
     ]
+
+
+def test_the_deviation_of_each_corner_stands_beside_it(short_log, folder):
+    tags = [tag for _, seen in short_log.messages(Detections, "/perception/*") for tag in seen.tags]
+    names = [f"{corner}_sigma_px" for corner in ("bottom_left", "bottom_right", "top_right", "top_left")]
+    table = [[row[name] for name in names] for row in rows(folder, "detections")]
+    told = [
+        [""] * 4 if t.corner_sigma_px is None else [repr(float(s)) for s in t.corner_sigma_px] for t in tags
+    ]
+    assert table == told
+    assert any(row[0] for row in table)
 
 
 def test_the_table_of_the_approach_holds_truth_and_belief(folder):
