@@ -149,8 +149,10 @@ def _motion(axes: Axes, series: TrialSeries, column: int, label: str, limit: flo
 def clearance(axes: Axes, series: TrialSeries, scene: Scene) -> None:
     """Draw the smallest clearance, and the limits of the judge and of a collision monitor if there is one."""
     guard = scene.control.guard
-    label = "smallest clearance (truth)"
-    axes.plot(series.time, series.clearance, color=css(CLEARANCE), linewidth=2.0, label=label)
+    alone = bool(np.isnan(series.clearance).all())
+    label = "no two bodies that may not touch" if alone else "smallest clearance (truth)"
+    width = 0.0 if alone else 2.0
+    axes.plot(series.time, series.clearance, color=css(CLEARANCE), linewidth=width, label=label)
     bounds = [(scene.judge.min_clearance_m, "-", "judge")]
     if guard.enabled and scene.cameras.overhead is not None:  # it judges by what that camera shows
         bounds += [

@@ -70,6 +70,14 @@ def test_the_clearance_names_the_limits_of_judge_and_collision_monitor(drive):
     assert np.nanmin(drawn) == np.nanmin(series.clearance) > 0.0, "the docking pair is left out"
 
 
+def test_the_legend_names_no_clearance_where_there_is_none(drive):
+    """The plot of a unit that is alone in its arena had the legend of a curve that was not there."""
+    series = TrialSeries.of(drive.scene, drive.snapshots)
+    axes = Figure().add_subplot()
+    curves.clearance(axes, replace(series, clearance=np.full(len(series.time), np.nan)), drive.scene)
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["no two bodies that may not touch"]
+
+
 def test_the_line_of_sight_names_its_limits_above_the_plot(drive):
     """Beside their lines "outer" lay on "field of view"."""
     axes = Figure().add_subplot()
