@@ -18,6 +18,9 @@ from msrr_scenes.wording import counted
 if TYPE_CHECKING:  # loaded by the commands that read one, so that msrr --help is quick
     from msrr_bullet.log import Log
 
+#: Number of differences that a replay prints.
+_SHOWN = 3
+
 #: What these commands write into a run folder, unless --out names another place.
 FRAMES_NAME, FILM_NAME, PLOT_NAME = "frames", "film.mp4", "plot.png"
 TABLES_NAME, RERUN_NAME = "csv", "trial.rrd"
@@ -48,11 +51,10 @@ def replay(
     from msrr_bullet.trial.versions import trial_versions
 
     report = replay_isolated(run, trust=trust)
-    for mismatch in report.mismatches:
-        both = f"logged {mismatch.logged}, replayed {mismatch.replayed}"
-        typer.echo(
-            f"{mismatch.time_s:.3f} s, {mismatch.what}: {mismatch.logged if mismatch.what == 'log' else both}"
-        )
+    for mismatch in report.mismatches[:_SHOWN]:
+        typer.echo(mismatch)
+    if len(report.mismatches) > _SHOWN:
+        typer.echo(f"and {counted(len(report.mismatches) - _SHOWN, 'difference')} more")
     counts = ", ".join(
         (
             counted(report.commands, "command"),

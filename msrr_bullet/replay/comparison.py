@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from pydantic import BaseModel
@@ -10,9 +11,13 @@ from msrr_bullet.log.codec import to_bytes
 from msrr_bullet.log.formats import format_of
 from msrr_bullet.log.reader import LogRecord
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.wording import counted
 
 #: Number of differences after which a replay ends.
 MAX_MISMATCHES = 20
+
+#: Number of values that a difference between two messages names.
+_SHOWN_VALUES = 3
 
 
 class ReplayError(MsrrError):
@@ -41,6 +46,35 @@ class Mismatch(BaseModel, frozen=True):
     time_s: float
     logged: str | None
     replayed: str | None
+
+    def __str__(self) -> str:
+        """Return the difference in words: of two messages only the values that differ."""
+        if self.what == "log":
+            return f"{self.time_s:.3f} s, log: {self.logged}"
+        logged, replayed = (_values(text) for text in (self.logged, self.replayed))
+        keys = [key for key in logged | replayed if logged.get(key) != replayed.get(key)]
+        told = [f"{k} logged {logged.get(k)}, replayed {replayed.get(k)}" for k in keys[:_SHOWN_VALUES]]
+        if not logged or not replayed:
+            told = [f"logged {self.logged}, replayed {self.replayed}"]
+        elif len(keys) > _SHOWN_VALUES:
+            told.append(f"and {counted(len(keys) - _SHOWN_VALUES, 'value')} more")
+        return f"{self.time_s:.3f} s, {self.what}: {'; '.join(told)}"
+
+
+def _values(text: str | None) -> dict[str, object]:
+    """Return the values of a message by their dotted keys; none of a text that is no message."""
+    try:
+        todo: list[tuple[str, object]] = [("", json.loads(text or "null"))]
+    except json.JSONDecodeError:
+        return {}
+    found: dict[str, object] = {}
+    for key, value in todo:  # the list grows while it is walked
+        if isinstance(value, dict | list):
+            items = value.items() if isinstance(value, dict) else enumerate(value)
+            todo += [(f"{key}.{name}" if key else str(name), item) for name, item in items]
+        elif key:
+            found[key] = value
+    return found
 
 
 class ReplayReport(BaseModel, frozen=True):

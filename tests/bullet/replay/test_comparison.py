@@ -32,6 +32,9 @@ def test_only_equal_bits_are_equal(record_of_action: LogRecord) -> None:
     assert first.logged == record_of_action.data.decode()
     assert repr(next_float) in (first.replayed or "")
     assert (second.logged, second.replayed) == (first.logged, None)
+    when = f"{1e-9 * logged.stamp_ns:.3f} s, command: "
+    assert f"twist.v logged {logged.twist.v}, replayed {next_float}" in str(first)
+    assert str(second) == f"{when}logged {second.logged}, replayed None"
 
 
 def test_the_comparison_ends_after_a_number_of_differences(record_of_action: LogRecord) -> None:
