@@ -41,6 +41,8 @@ class AssemblySetup:
         limits: What the drive can do.
         rate_hz: Control rate.
         sigmas: Number of standard deviations by which the collision monitor takes bodies to be nearer.
+        approach_m: Smallest distance between the faces from which the port is approached: an attempt that
+            failed begins again there [m].
     """
 
     unit: str
@@ -55,6 +57,7 @@ class AssemblySetup:
     limits: LimitsSpec
     rate_hz: float
     sigmas: float
+    approach_m: float
 
     @classmethod
     def of(cls, scene: Scene, step: DockStep) -> AssemblySetup:
@@ -79,6 +82,7 @@ class AssemblySetup:
             limits=scene.limits,
             rate_hz=scene.control.rate_hz,
             sigmas=scene.control.guard.sigmas,
+            approach_m=scene.docking.retreat_m,
         )
 
     @property

@@ -282,11 +282,14 @@ class LongDistanceAssembler(Generic[State]):
     # What the states share.
 
     def _is_there(self, arena: ArenaMap) -> bool:
-        """Return whether the unit stands on the place in front of the port."""
-        x, y = self._follower.tip(arena.X_WU)
-        end = self.params.route.handover(arena.X_WD)
-        near = math.hypot(x - end.x, y - end.y) <= self._watch.there_m
-        return near and abs(wrap_angle(arena.X_WU.yaw - end.yaw)) <= math.radians(self._watch.there_deg)
+        """Return whether the unit stands on the place in front of the port.
+
+        That is the end of the path, and the straight way from there to where a failed attempt begins again.
+        """
+        tip, yaw = self._follower.tip(arena.X_WU), arena.X_WU.yaw - arena.X_WD.yaw
+        (x, y), end = arena.X_WD.inverse().act(tip), -self.params.route.handover_m
+        off = math.hypot(x - min(max(x, end), max(-self._setup.approach_m, end)), y)
+        return off <= self._watch.there_m and abs(wrap_angle(yaw)) <= math.radians(self._watch.there_deg)
 
     def _change(self, state: AssemblyState, reason: str) -> None:
         self._state, self._reason, self._since_ns, self._straight = state, reason, None, None

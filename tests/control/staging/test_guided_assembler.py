@@ -59,6 +59,7 @@ def setup_of(unit: str, others: tuple[str, ...]) -> AssemblySetup:
         limits=LIMITS,
         rate_hz=50.0,
         sigmas=2.0,
+        approach_m=0.45,
     )
 
 

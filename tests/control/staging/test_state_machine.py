@@ -51,6 +51,7 @@ def make_setup(
         limits=LimitsSpec.model_validate({"setting": limits}),
         rate_hz=50.0,
         sigmas=2.0,
+        approach_m=0.45,
     )
 
 
@@ -394,16 +395,24 @@ def test_a_unit_without_room_to_turn_drives_straight_first(side: float, along: f
     ("aside_m", "yaw_deg", "there"),
     [(0.0, 11.5, True), (0.0, 12.5, False), (0.0, 90.0, False), (0.049, 0.0, True), (0.051, 0.0, False)],
 )
+@pytest.mark.parametrize("gap_m", [0.7, 0.45, 0.6])
 @pytest.mark.parametrize("heading", [0.0, 1.0, math.pi])
 def test_it_is_there_by_place_and_by_heading(
-    heading: float, side: float, aside_m: float, yaw_deg: float, there: bool
+    heading: float, gap_m: float, side: float, aside_m: float, yaw_deg: float, there: bool
 ) -> None:
-    """The end of the path lies 0.7 m before the port; the controlled point is put there."""
+    """The end of the path lies 0.7 m before the port, and a failed attempt begins again 0.45 m before it."""
     watch = AssemblyParams().watch
     assert (watch.there_m, watch.there_deg) == (0.05, 12.0)
     X_WV = SE2(0.0, 0.0, heading)
-    X_VU = SE2(0.4, side * aside_m, side * math.radians(yaw_deg)) @ SE2(-0.1, 0.0, 0.0)
+    X_VU = SE2(1.1 - gap_m, side * aside_m, side * math.radians(yaw_deg)) @ SE2(-0.1, 0.0, 0.0)
     arena = Arena(X_WV @ X_VU, X_WV @ SE2(1.2, 0.0, 0.0), seed=None)
+    arena.step()
+    assert arena.arrived is there
+
+
+@pytest.mark.parametrize(("gap_m", "there"), [(0.749, True), (0.751, False), (0.401, True), (0.399, False)])
+def test_it_is_there_neither_too_far_from_the_port_nor_too_near(gap_m: float, there: bool) -> None:
+    arena = Arena(SE2(1.0 - gap_m, 0.0, 0.0), seed=None)
     arena.step()
     assert arena.arrived is there
 
