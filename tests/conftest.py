@@ -14,6 +14,8 @@ from types import ModuleType
 
 import pytest
 from hypothesis import settings
+from xdist.remote import Producer
+from xdist.scheduler.loadfile import LoadFileScheduling
 
 from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_scenes.arrays import Array
@@ -130,3 +132,26 @@ LONGEST = (
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the longest files; the order within a file stays."""
     items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
+
+
+#: Files that use the same mission, which takes several seconds: one worker runs them, and the mission once.
+TOGETHER = {
+    "tests/bullet/figures/test_mission_figures.py": "four units",
+    "tests/bullet/timeline/test_mission_snapshots.py": "four units",
+    "tests/bullet/timeline/test_palette.py": "four units",
+    "tests/bullet/viewer/test_mission_pages.py": "four units",
+    "tests/bullet/export/test_csv_files.py": "line of three",
+    "tests/bullet/replay/test_coordinated_replayer.py": "line of three",
+}
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadFileScheduling | None:
+    """Give a worker whole files, as ``--dist loadfile`` does, and those of one mission to the same worker."""
+    return _ByMission(config, log) if config.getoption("dist") == "loadfile" else None
+
+
+class _ByMission(LoadFileScheduling):
+    def _split_scope(self, nodeid: str) -> str:
+        file = super()._split_scope(nodeid)
+        return TOGETHER.get(file, file)
