@@ -29,8 +29,15 @@ def check(figure: Figure6) -> None:
     assert late[1] > 2.0 * late[0]
 
 
-def test_both_laws_stand_over_each_other(blind_loop: dict[str, str], tmp_path: Path) -> None:
-    figures = (unicycle_figure6(0, PAPER_LIKE), bullet_figure6(0, PAPER_LIKE, blind_loop))
+@pytest.fixture(scope="module")
+def of_unicycles() -> Figure6:
+    return unicycle_figure6(0, PAPER_LIKE)
+
+
+def test_both_laws_stand_over_each_other(
+    of_unicycles: Figure6, blind_loop: dict[str, str], tmp_path: Path
+) -> None:
+    figures = (of_unicycles, bullet_figure6(0, PAPER_LIKE, blind_loop))
     for figure in figures:
         check(figure)
     assert figures[0].description.startswith("gain 8 1/s, ")
@@ -40,7 +47,9 @@ def test_both_laws_stand_over_each_other(blind_loop: dict[str, str], tmp_path: P
 
 
 @pytest.mark.parametrize("plants", [1, 2])
-def test_the_legend_is_whole(plants: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_legend_is_whole(
+    plants: int, of_unicycles: Figure6, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Of unicycles alone it was wider than the sheet, and cut off at both sides."""
     inside: list[bool] = []
 
@@ -52,7 +61,7 @@ def test_the_legend_is_whole(plants: int, tmp_path: Path, monkeypatch: pytest.Mo
         return path
 
     monkeypatch.setattr("msrr_bullet.reproduce.report.figure6_plot.save", look)
-    draw_figure6([unicycle_figure6(0, PAPER_LIKE)] * plants, tmp_path / "figure6.png")
+    draw_figure6([of_unicycles] * plants, tmp_path / "figure6.png")
     assert inside == [True]
 
 
