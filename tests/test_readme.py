@@ -15,7 +15,9 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.cli.app import program
-from msrr_bullet.run import run_trial
+from msrr_bullet.log import LOG_NAME, LogHeader
+from msrr_bullet.log.mcap_recorder import McapRecorder
+from msrr_bullet.trial.trial import Trial
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
 
@@ -68,7 +70,10 @@ COMMANDS = [*pieces(_COMMAND, "arguments"), *pieces(_INLINE, "arguments")]
 def folder(tmp_path_factory: pytest.TempPathFactory, shipped: Callable[..., Scene]) -> Path:
     """A working folder with every run that the programs speak of: one short run under all their names."""
     work = tmp_path_factory.mktemp("readme")
-    run_trial(shipped("close_range", {"time_limit_s": "1"}), 1, out=work / "run")
+    scene = shipped("close_range", {"time_limit_s": "1"})
+    (work / "run").mkdir()
+    with McapRecorder(work / "run" / LOG_NAME, LogHeader.of(scene, 1, {})) as recorder:
+        Trial(scene, 1, recorder=recorder).run()
     (work / "runs").mkdir()
     for name in {n for piece in PROGRAMS for n in re.findall(r"runs/(\w+)", piece.text)}:
         (work / "runs" / name).symlink_to(work / "run")

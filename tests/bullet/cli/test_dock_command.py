@@ -15,6 +15,7 @@ from msrr_bullet.trial.result import TrialResult
 Capture = pytest.CaptureFixture[str]
 
 
+@pytest.mark.usefixtures("undrawn_runs")
 def test_dock_leaves_a_run_folder_and_tells_belief_from_truth(
     short_trial: list[str], tmp_path: Path, capsys: Capture
 ) -> None:

@@ -48,6 +48,7 @@ def test_of_a_whole_log_and_in_a_film_as_well(
     assert run(["replay", str(short_run)]) == 0
 
 
+@pytest.mark.usefixtures("undrawn_runs")
 def test_a_trial_that_was_interrupted_is_not_taken_for_a_whole_one(
     shipped: Callable[..., Scene], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

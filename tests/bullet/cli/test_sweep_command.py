@@ -64,6 +64,7 @@ def test_trials_go_on_and_are_written_where_nobody_reads_of_them(
     """Each of these trials writes a line, whose reader has gone away or for which the disk has no room."""
     command = [sys.executable, "-m", "msrr_bullet", "sweep", "lost_target", "--seeds", "0:2", "--jobs", "1"]
     command += ["--set", "plant=unicycle", "--set", "perception=parametric", "--fresh", "--csv", "t.csv"]
+    command += ["--set", "time_limit_s=1"]
     ended = subprocess.run(f"{shlex.join(command)} {output}", shell=True, capture_output=True, text=True)
     assert ended.returncode == code
     assert "Traceback" not in ended.stderr
@@ -71,6 +72,7 @@ def test_trials_go_on_and_are_written_where_nobody_reads_of_them(
     assert {row["seed"] for row in rows} == {"0", "1"}
 
 
+@pytest.mark.usefixtures("sweeps_here")
 def test_a_store_that_gets_full_costs_no_result(
     short_trial: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -268,6 +270,7 @@ def test_values_that_cannot_be_varied_are_refused_before_any_trial(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.usefixtures("sweeps_here")
 def test_a_sweep_at_several_values_that_is_stopped_keeps_what_it_has(
     short_trial: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
