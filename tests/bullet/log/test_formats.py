@@ -77,7 +77,7 @@ def strategy(kind: typing.Any, name: str = "") -> st.SearchStrategy[typing.Any]:
 
 
 @pytest.mark.parametrize("kind", WITHOUT_PIXELS, ids=lambda kind: kind.__name__)
-@settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_every_message_comes_back_bit_for_bit(
     kind: type, data: st.DataObject, bits: Callable[[object], object]
@@ -110,7 +110,7 @@ def test_foxglove_reads_the_schema_of_every_message(kind: type) -> None:
 
 
 @pytest.mark.parametrize("kind", WITHOUT_PIXELS, ids=lambda kind: kind.__name__)
-@settings(max_examples=10, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=6, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_every_message_is_as_its_schema_says(kind: type, data: st.DataObject) -> None:
     """NaN and the infinities apart, which are strings, and which no type of a schema has."""

@@ -59,7 +59,7 @@ Detector, Estimator, Renderer = PupilDetector, CornerEkf, RasterRenderer
 
 
 class Failing:
-    FAILS_AFTER = 40
+    FAILS_AFTER = 15
     calls = 0
 
     def late(self):
@@ -132,7 +132,7 @@ class AheadPrediction(Failing, Estimator):
 
 
 class NoReading(Failing, Estimator):
-    FAILS_AFTER = 400
+    FAILS_AFTER = 150
 
     def add_odometry(self, reading):
         super().add_odometry(replace(reading, left=math.nan) if self.late() else reading)
