@@ -140,7 +140,10 @@ def _with_full_folder(folder: Path, *command: str) -> subprocess.CompletedProces
     "arguments",
     [
         ["dock", "two_units"],
-        ["sweep", "close_range", "--seeds", "0:4", "--jobs", "2", "--store", "trials.sqlite"],
+        pytest.param(
+            ["sweep", "close_range", "--seeds", "0:4", "--jobs", "2", "--store", "trials.sqlite"],
+            marks=pytest.mark.nightly,
+        ),
         pytest.param(["film", "run"], marks=pytest.mark.nightly),
         pytest.param(["frames", "run"], marks=pytest.mark.nightly),
         ["replay", "run"],

@@ -120,7 +120,9 @@ def test_what_the_target_file_has_wrong_is_named(
         assert abs(result.calibration[0].error / error - 1.0) < 0.35
 
 
-@pytest.mark.parametrize("misread", ["in degrees", "backward", "left for right"])
+@pytest.mark.parametrize(
+    "misread", ["in degrees", pytest.param("backward", marks=pytest.mark.nightly), "left for right"]
+)
 def test_wheels_that_do_not_agree_with_the_images_are_told(
     approach: Trial, tmp_path: Path, misread: str
 ) -> None:

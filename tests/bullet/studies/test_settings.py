@@ -17,7 +17,7 @@ ALL = [value for value in vars(settings).values() if isinstance(value, Setting)]
 
 @pytest.mark.parametrize(
     "setting",
-    [*ALL[:3], *(pytest.param(setting, marks=pytest.mark.nightly) for setting in ALL[3:])],
+    [*ALL[:2], *(pytest.param(setting, marks=pytest.mark.nightly) for setting in ALL[2:])],
     ids=lambda s: s.name,
 )
 def test_captions_say_what_is_drawn(setting: Setting) -> None:

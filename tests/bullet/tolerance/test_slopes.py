@@ -51,7 +51,7 @@ def _held(draw: Callable[[int], np.ndarray], truth: float, trials: int, docks: i
     return held / 1000
 
 
-@pytest.mark.parametrize("trials", [10, 20, 30])
+@pytest.mark.parametrize("trials", [10, pytest.param(20, marks=pytest.mark.nightly), 30])
 @pytest.mark.parametrize(("mean", "docks"), [(0.0, 1), (0.0, 3), (1.0, 1), (14.0, 1)])
 def test_intervals_hold_the_truth_as_often_as_they_say(trials: int, mean: float, docks: int) -> None:
     """Of 1000 intervals of 95 % from normal changes 925 or more hold the truth.

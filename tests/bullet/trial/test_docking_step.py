@@ -84,7 +84,9 @@ def test_every_step_has_a_result_of_its_own(shipped: Load, tmp_path: Path) -> No
     assert summary.steps[0].contact_lateral_mm.max == 1000.0 * free.lateral_m
 
 
-@pytest.mark.parametrize(("off_m", "seed", "attempts"), [(-0.018, 3, 2), (0.016, 1, 3)])
+@pytest.mark.parametrize(
+    ("off_m", "seed", "attempts"), [pytest.param(-0.018, 3, 2, marks=pytest.mark.nightly), (0.016, 1, 3)]
+)
 def test_a_robot_that_wrongly_takes_itself_for_perfect_finds_the_port_beside(
     shipped: Load, off_m: float, seed: int, attempts: int
 ) -> None:
@@ -138,7 +140,7 @@ def test_a_unit_that_creeps_is_stalled(
     assert max(after - before for before, after in pairwise(ends)) < 10.0
 
 
-@pytest.mark.parametrize("latency_ms", [300, 700])
+@pytest.mark.parametrize("latency_ms", [pytest.param(300, marks=pytest.mark.nightly), 700])
 def test_pictures_that_are_late_cost_little_where_the_delay_is_compensated(
     shipped: Load, latency_ms: int
 ) -> None:
@@ -185,7 +187,9 @@ def test_a_step_that_docked_in_time_stays_docked_when_a_later_one_times_out(tmp_
     assert result.decisive_step is result.steps[1]
 
 
-@pytest.mark.parametrize(("lag_ms", "most_mm"), [(0, 5.0), (100, 10.0), (280, 23.0)])
+@pytest.mark.parametrize(
+    ("lag_ms", "most_mm"), [(0, 5.0), pytest.param(100, 10.0, marks=pytest.mark.nightly), (280, 23.0)]
+)
 def test_a_unit_in_its_seat_does_not_push_its_target_over_a_slippery_floor(
     shipped: Load, lag_ms: int, most_mm: float
 ) -> None:

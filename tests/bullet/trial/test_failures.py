@@ -72,7 +72,7 @@ def test_a_unit_that_seizes_in_the_lane_has_the_shape_built_elsewhere(tmp_path: 
     assert "no progress" in failed.belief_reason
 
 
-@pytest.mark.parametrize("appears_at_s", [3.0, 9.5])
+@pytest.mark.parametrize("appears_at_s", [pytest.param(3.0, marks=pytest.mark.nightly), 9.5])
 def test_a_shape_is_built_elsewhere_when_an_obstacle_comes_into_the_lane(
     appears_at_s: float, tmp_path: Path
 ) -> None:
@@ -90,7 +90,7 @@ def test_a_shape_is_built_elsewhere_when_an_obstacle_comes_into_the_lane(
     assert result.steps[0].ended_s < appears_at_s + 6.0
 
 
-@pytest.mark.parametrize("led", [True, False])
+@pytest.mark.parametrize("led", [True, pytest.param(False, marks=pytest.mark.nightly)])
 def test_a_lane_that_is_closed_has_the_target_go_elsewhere_if_somebody_leads_it(
     led: bool, tmp_path: Path
 ) -> None:
@@ -131,6 +131,7 @@ def test_two_units_pass_a_lane_for_one(shipped: Load) -> None:
     assert result.mission.replans == 0  # the later one waited; nobody planned anew
 
 
+@pytest.mark.nightly
 def test_of_two_that_want_one_port_one_is_told_why_it_cannot(shipped: Load) -> None:
     result = run_trial(shipped("one_port", blind=True), 0)
     assert result.outcome is Outcome.INCOMPLETE

@@ -136,8 +136,8 @@ def largest_excess(
     ("lag", "allowed_deg"),
     [
         (Lag(), SAMPLING_DEG),
-        (Lag(age=5), SAMPLING_DEG),
-        (Lag(link_s=0.04), SAMPLING_DEG),
+        pytest.param(Lag(age=5), SAMPLING_DEG, marks=pytest.mark.nightly),
+        pytest.param(Lag(link_s=0.04), SAMPLING_DEG, marks=pytest.mark.nightly),
         (Lag(age=10, link_s=0.06), SAMPLING_DEG),
         (Lag(age=10, link_s=0.2), 1.0),  # 0.4 s of any motion are no longer one arc
     ],

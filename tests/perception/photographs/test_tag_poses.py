@@ -70,7 +70,12 @@ def test_corners_that_are_less_sure_make_the_pose_so() -> None:
 
 @pytest.mark.parametrize(
     ("k1", "where"),
-    [(0.0, (320.0, 240.0)), (-0.2, (320.0, 240.0)), (-0.2, (590.0, 420.0)), (0.2, (600.0, 430.0))],
+    [
+        (0.0, (320.0, 240.0)),
+        pytest.param(-0.2, (320.0, 240.0), marks=pytest.mark.nightly),
+        (-0.2, (590.0, 420.0)),
+        pytest.param(0.2, (600.0, 430.0), marks=pytest.mark.nightly),
+    ],
 )
 def test_noise_moves_the_pose_as_much_as_stated(k1: float, where: tuple[float, float]) -> None:
     """250 draws of corners in the picture: the mean square is 6, to 4 standard errors (1 in 16000)."""

@@ -76,7 +76,9 @@ def test_the_picture_of_a_run_shows_its_plan_in_a_shape_that_fits(
     assert (y1 - y0) < (x1 - x0)
 
 
-@pytest.mark.parametrize("ratio", [0.3, 0.85, 0.88, 0.92, 0.95, 1.5])
+@pytest.mark.parametrize(
+    "ratio", [0.3, 0.88, 0.95, *(pytest.param(r, marks=pytest.mark.nightly) for r in (0.85, 0.92, 1.5))]
+)
 def test_no_text_runs_over_the_edge(ratio, drive, tmp_path, monkeypatch, with_step):
     """The title of the view from above was cut, and so was the label below it in views of some shapes."""
     figures = []
