@@ -19,6 +19,8 @@ from msrr_scenes.messages import Detections, ExposureCounts
 #: image shows.
 _UNDETERMINED_M = 10.0
 
+_FIRST_EXPOSURE = ExposureCounts(used=1)
+
 
 class FilterStep:
     """Starts a filter, moves its state with the wheels to a measurement, and corrects it.
@@ -48,12 +50,12 @@ class FilterStep:
             return self._start(measurement)
         states = [self._updated(state, measurement) for state in (before, *before.alternatives)]
         current = [s for s in states if s.rejected < self._reset_after and not _is_undetermined(s)]
-        if current:
-            return likeliest(current) if before.alternatives else current[0]
-        start = self._start(measurement)
-        if start is None:
-            return states[0]
-        return replace(start, wheels_until_ns=states[0].wheels_until_ns, exposures=states[0].exposures)
+        if not current:
+            start = self._start(measurement, states[0].wheels_until_ns, states[0].exposures)
+            if start is not None:
+                return start
+            current = states
+        return likeliest(current) if before.alternatives else current[0]
 
     def _updated(self, before: FilterState, measurement: Measurement) -> FilterState:
         """Return the state after a measurement, which corrects it where it agrees."""
@@ -77,12 +79,32 @@ class FilterStep:
         exposures = prior.exposures + ExposureCounts(without_wheels=1)
         return replace(after, wheels_doubted_ns=prior.stamp_ns, exposures=exposures)
 
-    def _start(self, measurement: Measurement) -> FilterState | None:
-        """Return a state from one measurement alone; None when it does not determine one."""
-        stamp, used = measurement.exposure.stamp_ns, ExposureCounts(used=1)
+    def _start(
+        self,
+        measurement: Measurement,
+        wheels_until_ns: int = 0,
+        exposures: ExposureCounts = _FIRST_EXPOSURE,
+    ) -> FilterState | None:
+        """Return a state from one measurement alone; None when it does not determine one.
+
+        Args:
+            measurement: The measurement.
+            wheels_until_ns: Time until which it rests on what the wheels did [ns].
+            exposures: What became of the exposures up to this one.
+        """
+        stamp = measurement.exposure.stamp_ns
         wheels = self._wheels.angles_at(stamp)
         states = [
-            FilterState(stamp, one.mean, one.covariance, wheels, stamp, exposures=used, cost=one.cost)
+            FilterState(
+                stamp,
+                one.mean,
+                one.covariance,
+                wheels,
+                stamp,
+                wheels_until_ns=wheels_until_ns,
+                exposures=exposures,
+                cost=one.cost,
+            )
             for one in self._update.start(measurement, self.known)
         ]
         return likeliest(states) if states else None

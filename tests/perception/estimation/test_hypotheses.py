@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import permutations
 from typing import Any
 
@@ -99,6 +100,27 @@ def test_exposures_in_any_order_leave_the_same_poses_open(
         found.append((estimate.X_DU, estimate.covariance.tobytes()))
     assert math.sqrt(estimate.covariance[2, 2]) > math.radians(3.0)
     assert all(one == found[0] for one in found)
+
+
+def test_exposures_that_agree_with_no_pose_leave_open_what_was(
+    target: TargetModel, scene: Scene, look: Look
+) -> None:
+    """Two tags that disagree with it and with each other start nothing, however many exposures show them."""
+    X_DU, sigmas = SE2(-0.6, 0.05, 0.1), []
+    ekf = CornerEkf(target, scene.odometry, corner_sigma_px=SIGMA_PX, reset_after=3)
+    for k in range(7):
+        seen = look(X_DU, FRONTAL, k)
+        if k > 1:
+            (one,), (two,) = seen.tags, look(X_DU, OBLIQUE, k).tags
+            tags = (replace(one, corners=one.corners + 100.0), replace(two, corners=two.corners - 80.0))
+            seen = replace(seen, tags=tags)
+        ekf.add_detections(seen)
+        estimate = ekf.predict(k * PERIOD_NS)
+        assert estimate is not None
+        sigmas.append(math.degrees(math.sqrt(estimate.covariance[2, 2])))
+    assert ekf.exposures == ExposureCounts(used=2, rejected=5)
+    assert sigmas[1] > 3.0
+    assert sigmas[2:] == sorted(sigmas[2:])
 
 
 def test_rivals_are_those_that_lie_apart_and_are_not_far_less_likely() -> None:
