@@ -1,4 +1,4 @@
-"""The step of the corner filter: when it starts anew, what it counts, and on which wheel readings it rests."""
+"""The step of the corner filter: when it starts anew, what it counts, and on which readings it rests."""
 
 from __future__ import annotations
 
