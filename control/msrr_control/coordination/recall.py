@@ -22,7 +22,7 @@ class Recall:
         """Begin with nobody recalled."""
         self._patience = patience
         self._since_ns: dict[tuple[str, int], int] = {}  # from when on nothing is sent, by unit and route
-        self._times: dict[str, int] = {}
+        self._times: dict[str, int] = {}  # how often a unit that was held has stopped
 
     def is_recalled(self, unit: UnitRecord) -> bool:
         """Return whether a unit is to be sent no authority."""
@@ -57,7 +57,8 @@ class Recall:
         if unit.report is None or unit.report.stamp_ns <= expired_ns or not unit.stands:
             return False
         del self._since_ns[key]
-        self._times[unit.name] = self._times.get(unit.name, 0) + 1
+        if not in_vain:  # whatever holds units would hold them on each further route as well
+            self._times[unit.name] = self._times.get(unit.name, 0) + 1
         return True
 
     def _is_held(self, unit: UnitRecord, now_ns: int) -> bool:

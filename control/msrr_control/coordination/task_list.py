@@ -84,30 +84,31 @@ class TaskList:
         self.reasons[name] = reason
         if hopeless:
             self._hopeless.add(name)
-        for task in self.by_name.values():
-            if name in task.depends_on:
-                self.reopen(task.name)
-                self.give_up(task.name, f"needs {name}", hopeless)
+        self._give_up_after(name, hopeless)
 
     def take_up_again(self) -> None:
-        """Open the tasks that nobody could do: there is a unit more now."""
+        """Open the tasks that nobody could do: there is a unit more now. Those given up for good stay so."""
         for name in self._hopeless:
             self._states[name] = TaskState.OPEN
             del self.reasons[name]
         self._hopeless.clear()
+        for name in self.names(TaskState.GIVEN_UP):
+            self._give_up_after(name)
+
+    def _give_up_after(self, name: str, hopeless: bool = False) -> None:
+        """Give up all that depend on a task that is given up."""
+        for task in self.by_name.values():
+            if name in task.depends_on:
+                self.reopen(task.name)
+                self.give_up(task.name, f"needs {name}", hopeless)
 
     def lost_base(self, name: str) -> str | None:
         """Return a task whose loss takes the route from the unit of a granted one; None if there is none.
 
         Its unit needs that task, or would close the lane of the unit that does it.
         """
-        task = self.by_name[name]
-        if self._states[name] is not TaskState.GRANTED:
-            return name
-        for needs in task.depends_on:
-            if self._states[needs] in (TaskState.OPEN, TaskState.GIVEN_UP):
-                return needs
-        return self._open_before(task)
+        granted = self._states[name] is TaskState.GRANTED
+        return self._open_before(self.by_name[name]) if granted else name
 
     def _open_before(self, task: Task) -> str | None:
         """Return an open task that has to be granted before this one, through any number of others."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from msrr_control.coordination.ledger import SAME_M, UnitRecord
@@ -79,8 +81,8 @@ def test_one_that_was_recalled_has_stopped_when_it_stands_and_its_authority_has_
     unit, recall = _held(LONG_S), Recall(PATIENCE)
     _stops(recall, unit, LONG_S)
     expired_s = LONG_S + PATIENCE.expires_s
-    _hear(unit, expired_s - 0.1)
-    assert not _stops(recall, unit, expired_s + 1.0), "an old report tells nothing"
+    _hear(unit, expired_s)
+    assert not _stops(recall, unit, expired_s + 1.0), "it may drive on after a report of that instant"
     _hear(unit, expired_s + 0.1, UnitMode.DRIVING)
     assert not _stops(recall, unit, expired_s + 1.0)
     assert recall.is_recalled(unit)
@@ -115,15 +117,29 @@ def test_one_whose_lane_is_closed_is_recalled_as_it_drives() -> None:
     assert not other.is_recalled(idle)
 
 
-def test_a_unit_is_recalled_so_often_and_then_no_more() -> None:
-    recall, now_s, times = Recall(PATIENCE), LONG_S, 0
-    for _ in range(PATIENCE.recalls + 2):
+@pytest.mark.parametrize("recalls", [0, 1, 3])
+def test_a_unit_that_is_held_is_recalled_so_often_and_then_no_more(recalls: int) -> None:
+    """Those whose lane is closed, or whose target is elsewhere, are another matter, and do not count."""
+    recall, now_s = Recall(replace(PATIENCE, recalls=recalls)), LONG_S
+
+    def stops(lane_closed: bool) -> bool:
+        nonlocal now_s
         unit = _held(now_s)
-        _stops(recall, unit, now_s)
+        _stops(recall, unit, now_s, lane_closed)
         now_s += PATIENCE.expires_s + 0.1
         _hear(unit, now_s)
-        times += _stops(recall, unit, now_s)
-    assert times == PATIENCE.recalls
-    closed = _held(now_s)
-    _stops(recall, closed, now_s, lane_closed=True)
-    assert recall.is_recalled(closed), "a closed lane is another matter"
+        return _stops(recall, unit, now_s, lane_closed)
+
+    assert all(stops(lane_closed=True) for _ in range(recalls + 1))
+    times = [stops(lane_closed=False) for _ in range(recalls + 2)]
+    assert times == [True] * recalls + [False] * 2
+    assert stops(lane_closed=True)
+
+
+def test_one_that_was_never_heard_has_not_stopped() -> None:
+    unit, recall = _held(0.0), Recall(PATIENCE)
+    unit.report = None
+    assert not _stops(recall, unit, 1.0, lane_closed=True)
+    assert recall.is_recalled(unit)
+    assert not _stops(recall, unit, 2.0 + PATIENCE.expires_s, lane_closed=True)
+    assert recall.is_recalled(unit)

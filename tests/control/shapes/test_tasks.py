@@ -142,6 +142,71 @@ def test_a_granted_task_whose_base_is_open_again_has_lost_it() -> None:
     assert tasks.lost_base("a") is None
 
 
+def test_nothing_is_granted_behind_what_has_lost_its_base() -> None:
+    """Through any number of others that have their routes."""
+    tasks = TaskList([_dock("a", None), _dock("b", "a", "a"), _dock("c", None, "b"), _dock("d", None, "c")])
+    for name in ("a", "b", "c"):
+        tasks.grant(name)
+    assert [task.name for task in tasks.ready()] == ["d"]
+    tasks.reopen("a")
+    assert [task.name for task in tasks.ready()] == ["a"]
+    assert tasks.lost_base("c") == "a"
+
+
+def test_a_task_that_nobody_could_do_is_open_again_when_there_is_a_unit_more() -> None:
+    tasks = TaskList([_dock("a", None), _dock("b", "a", "a"), Task("c", TaskKind.MOVE)])
+    tasks.give_up("c", "its unit has failed")
+    tasks.give_up("a", "no unit is left", hopeless=True)
+    assert tasks.ended
+    tasks.take_up_again()
+    assert tasks.names(TaskState.OPEN) == ("a", "b")
+    assert tasks.reasons == {"c": "its unit has failed"}
+    tasks.give_up("a", "its unit has failed")
+    tasks.take_up_again()
+    assert tasks.names(TaskState.GIVEN_UP) == ("a", "b", "c")
+
+
+@pytest.mark.parametrize("order", [("a", "b"), ("b", "a")])
+def test_what_depends_on_a_task_given_up_for_good_is_not_taken_up_again(order: tuple[str, str]) -> None:
+    """It was open again, and took until it was hopeless once more to be given up."""
+    listed = [Task("a", TaskKind.MOVE), Task("b", TaskKind.MOVE), Task("c", TaskKind.MOVE, after=("a", "b"))]
+    tasks = TaskList([*listed, Task("d", TaskKind.MOVE, after=("c",))])
+    for name in order:
+        tasks.give_up(name, "no unit is left" if name == "a" else "seized", hopeless=name == "a")
+    tasks.take_up_again()
+    assert tasks.names(TaskState.OPEN) == ("a",)
+    assert tasks.reasons == {"b": "seized", "c": "needs b", "d": "needs c"}
+
+
+def test_who_is_on_the_way_to_a_task_given_up_has_lost_it() -> None:
+    tasks = TaskList([_dock("a", None), _dock("b", "a", "a"), _dock("c", "b", "b")])
+    for name in ("a", "b"):
+        tasks.grant(name)
+    tasks.reopen("a")
+    tasks.give_up("a", "no way")
+    assert tasks.names(TaskState.GIVEN_UP) == ("a", "b", "c")
+    assert tasks.lost_base("b") == "b"
+
+
+def test_what_is_done_stays_done_and_only_what_is_open_is_given_up() -> None:
+    tasks = TaskList([_dock("done", None), _dock("granted", None), _dock("open", None)])
+    for name in ("done", "granted"):
+        tasks.grant(name)
+    tasks.finish("done")
+    for name in ("done", "granted"):
+        tasks.give_up(name, "no way")
+    for name in ("done", "open"):
+        for _ in range(5):
+            tasks.fail(name, "seized")
+    tasks.reopen("done")
+    assert [tasks.state(name) for name in tasks.by_name] == [
+        TaskState.DONE,
+        TaskState.GRANTED,
+        TaskState.OPEN,
+    ]
+    assert tasks.reasons == {}
+
+
 def test_pairs_and_radio_as_a_scene_writes_them() -> None:
     pair = AssembledPair.model_validate("a.front-b.rear")
     assert (pair.active, pair.passive) == ("a.front", "b.rear")
