@@ -15,6 +15,7 @@ S = 1_000_000_000
 def test_durations_are_whole_nanoseconds() -> None:
     assert duration_ns(0.04) == 40_000_000
     assert duration_ns(1.0 / 3.0) == 333_333_333
+    assert duration_ns(2.0 / 3.0) == 666_666_667
 
 
 @settings(deadline=None)
@@ -69,14 +70,14 @@ def test_events_that_nobody_asked_for_count_as_one() -> None:
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 50), st.integers(0, 20)), max_size=40))
 def test_every_message_arrives_once_in_order_of_arrival_and_sending(messages: list[tuple[int, int]]) -> None:
-    """Messages of (time of arrival, time step before the next poll)."""
-    queue: Delayed[int] = Delayed()
+    """Messages of (time of arrival, time step before the next poll), which cannot be compared."""
+    queue: Delayed[complex] = Delayed()
     for i, (arrival, _) in enumerate(messages):
-        queue.send(arrival, i)
+        queue.send(arrival, complex(i))
     arrived, now = [], 0
     for _, step in [*messages, (0, 51)]:
         now += step
-        batch = queue.arrived(now)
+        batch = [int(message.real) for message in queue.arrived(now)]
         assert all(messages[i][0] <= now for i in batch)
         arrived += batch
     assert arrived == sorted(range(len(messages)), key=lambda i: (messages[i][0], i))
