@@ -107,7 +107,7 @@ class AssembledPair(Spec):
 
 
 class SilenceSpec(Spec):
-    """A time in which no message arrives."""
+    """A time in which messages are lost: those that are sent in it."""
 
     from_s: Time
     """Beginning [s]."""
@@ -135,4 +135,4 @@ class RadioSpec(Spec):
     loss: Probability = 0.0
     """Probability that a message is lost."""
     silences: tuple[SilenceSpec, ...] = Field(default=(), max_length=100)
-    """Times in which no message arrives."""
+    """Times in which messages are lost."""

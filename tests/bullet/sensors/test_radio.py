@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from msrr_bullet.sensors.radio import Radio
-from msrr_bullet.sensors.schedule import duration_ns
+from msrr_bullet.sensors.schedule import NEVER_NS, duration_ns
 from msrr_scenes.messages.coordination import Authority, UnitMode, UnitReport
-from msrr_scenes.specs.mission import RadioSpec
+from msrr_scenes.specs.mission import RadioSpec, SilenceSpec
 
 UNITS = ("c", "a", "b")
 
@@ -47,3 +47,54 @@ def test_messages_arrive_once_at_their_receivers_in_the_order_of_the_units() -> 
         assert len(set(messages)) == len(messages)
     assert len(heard) + len(obeyed) == radio.sent - radio.lost
     assert 0 < radio.lost < radio.sent == 2 * len(sent_ns)
+
+
+def _arrivals(radio: Radio, until_ms: int, step_ms: int = 10) -> dict[tuple[str, str], dict[int, int]]:
+    """When each message arrives that is sent every so often in both directions [ms], by when it is sent."""
+    arrivals: dict[tuple[str, str], dict[int, int]] = {(d, u): {} for d in ("up", "down") for u in UNITS}
+    for now in range(0, until_ms + 200, step_ms):
+        now_ns = now * 1_000_000
+        if now < until_ms:
+            for unit in UNITS:
+                radio.from_units[unit].send(report(unit, now), now_ns)
+                radio.to_units[unit].send(authority(unit, now), now_ns)
+        for each in radio.arrived_at_base(now_ns):
+            arrivals["up", each.unit][each.stamp_ns] = now
+        for unit, some in radio.arrived_at_units(now_ns).items():
+            arrivals["down", unit].update({each.seq: now for each in some})
+    return arrivals
+
+
+def test_a_silence_takes_what_is_sent_in_it_and_changes_nothing_else() -> None:
+    """From its beginning on, until before its end, to and from its units, or all where none are named."""
+    spec = RadioSpec(latency_ms=30.0, jitter_ms=60.0, loss=0.3)
+    usual = _arrivals(Radio(spec, UNITS, seed=5), 1000)
+    for units in ((), ("a", "c")):
+        silence = SilenceSpec(from_s=0.3, until_s=0.6, units=units)
+        radio = Radio(spec.model_copy(update={"silences": (silence,)}), UNITS, seed=5)
+        for (way, unit), told in _arrivals(radio, 1000).items():
+            kept = {k: at for k, at in usual[way, unit].items() if not 300 <= k < 600}
+            assert told == (usual[way, unit] if units and unit not in units else kept)
+    assert all(max(k for k in told if k < 600) >= 300 for told in usual.values())
+
+
+def test_links_lose_and_delay_messages_of_their_own() -> None:
+    radio = Radio(RadioSpec(latency_ms=30.0, jitter_ms=60.0, loss=0.3), UNITS, seed=5)
+    arrivals = _arrivals(radio, 1000)
+    assert len({tuple(sorted(told.items())) for told in arrivals.values()}) == len(arrivals)
+    for told in arrivals.values():
+        delays = [at - sent for sent, at in told.items()]
+        assert 30 <= min(delays) < 50
+        assert 70 < max(delays) <= 90
+
+
+def test_a_radio_gives_the_time_of_its_next_message() -> None:
+    radio = Radio(RadioSpec(latency_ms=20.0), UNITS, seed=0)
+    assert radio.next_ns == NEVER_NS
+    radio.to_units["a"].send(authority("a", 1), 7)
+    assert radio.next_ns == 20_000_007
+    radio.from_units["b"].send(report("b", 0), 2)
+    assert radio.next_ns == 20_000_002
+    assert radio.arrived_at_units(20_000_006) == {}
+    assert radio.arrived_at_base(20_000_002) == [report("b", 0)]
+    assert radio.next_ns == 20_000_007
