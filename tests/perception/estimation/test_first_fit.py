@@ -9,10 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from msrr_perception.estimation.corner_filter import CornerEkf
+from msrr_perception.estimation.first_fit import FirstFit, _is_good
+from msrr_perception.kernels.section_errors import DataSheet
+from msrr_perception.motion.drive_motion import DriveMotion
+from msrr_perception.motion.motion_noise import DEFAULT_NOISE
 from msrr_perception.pose.calibration import Tolerances
-from msrr_perception.pose.joint_pose import joint_pose
+from msrr_perception.pose.joint_pose import CornerNoise, joint_pose, one_tag_poses
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import body_pose, optical_pose
@@ -149,6 +154,74 @@ def test_a_tag_in_the_wrong_place_is_left_out(
     assert estimate is not None
     np.testing.assert_allclose(estimate.X_DU.as_array(), X_DU.as_array(), atol=1e-3)
     assert _first(target, scene, tags[:2]) is None  # two that disagree: nobody knows who is right
+
+
+@pytest.mark.parametrize("odd", range(3))
+def test_a_tag_that_is_left_out_is_as_good_as_not_there(
+    target: TargetModel, scene: Scene, project: Callable[..., Any], odd: int
+) -> None:
+    """Also where other pairs agree well enough: of those the one that fits best is taken.
+
+    By 1.5 px in some directions no three agree, but two pairs do.
+    """
+    tags = _tags(target, project, target.port_tags)
+    rest = _first(target, scene, [tag for k, tag in enumerate(tags) if k != odd])
+    every = _first(target, scene, tags)
+    assert rest is not None
+    assert every is not None
+    left_out = 0
+    for off_px in (0.0, 1.5, 2.0, 2.5, 3.0, 4.0, 25.0):
+        moved = [
+            replace(tag, corners=tag.corners + np.array([off_px, 0.0])) if k == odd else tag
+            for k, tag in enumerate(tags)
+        ]
+        estimate = _first(target, scene, moved)
+        assert estimate is not None
+        off = pose_error(estimate.X_DU, rest.X_DU)
+        if np.array_equal(estimate.covariance, rest.covariance):
+            left_out += 1
+            assert not off.any()
+        else:  # all are taken, and the covariance is that of all, which hardly depends on where the unit is
+            assert off_px < 4.0
+            np.testing.assert_allclose(np.diag(estimate.covariance), np.diag(every.covariance), rtol=0.3)
+    assert left_out >= 2
+
+
+def _fit(target: TargetModel, corner_sigma_px: float, tilt_sigma: float = 1e-3) -> FirstFit:
+    sheet = DataSheet(0.0, target.corner_errors.blur_px, target.corner_errors.contrast, corner_sigma_px)
+    return FirstFit(target, sheet, CornerNoise(corner_sigma_px, tilt_sigma), 1.0)
+
+
+@pytest.mark.parametrize("tilt_sigma", [1e-4, 1e-3])
+def test_a_tilt_that_corners_do_not_tell_is_known_as_it_was_before(
+    target: TargetModel, scene: Scene, project: Callable[..., Any], tilt_sigma: float
+) -> None:
+    known = DriveMotion(target, scene.odometry, DEFAULT_NOISE).prior
+    (state,) = _fit(target, 100.0, tilt_sigma).states(_tags(target, project, target.port_tags), known)
+    np.testing.assert_allclose(np.sqrt(np.diag(state.covariance)[3:5]), tilt_sigma, rtol=1e-2)
+    np.testing.assert_allclose(state.mean[3:5], 0.0, atol=0.01 * tilt_sigma)
+    np.testing.assert_allclose(state.covariance[5:, 5:], known.covariance, rtol=1e-3, atol=1e-9)
+
+
+@pytest.mark.parametrize("which", range(3))
+def test_a_single_tag_starts_a_state_at_each_pose_at_which_it_looks_alike(
+    target: TargetModel, scene: Scene, project: Callable[..., Any], which: int
+) -> None:
+    known = DriveMotion(target, scene.odometry, DEFAULT_NOISE).prior
+    (tag,) = tags = _tags(target, project, target.port_tags[which : which + 1])
+    states = _fit(target, 3.0).states(tags, known)
+    for X in one_tag_poses(target, tag):
+        off = [pose_error(SE2(*state.mean[:3].tolist()), X) for state in states]
+        assert min(float(np.abs(each).max()) for each in off) < 0.03
+
+
+def test_tags_agree_up_to_twice_the_freedom_of_their_corners() -> None:
+    """Eight coordinates for each tag less the three of the pose, and 12 more; good ones nearly always do."""
+    for tags in range(1, 9):
+        freedom, most = 8 * tags - 3, 2.0 * (8 * tags - 3) + 12.0
+        assert _is_good(most, tags)
+        assert not _is_good(most + 1e-6, tags)
+        assert chi2.sf(most, freedom) < 6e-4
 
 
 @pytest.mark.parametrize("built", ["careful", "perfect"])
