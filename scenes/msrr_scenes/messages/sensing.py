@@ -170,7 +170,7 @@ class SeatSwitches:
     """The switches at the bottom of the two holes, as the docked unit reports them to the docking one.
 
     Attributes:
-        unit: Unit that carries the switches.
+        unit: Unit that docks, to which they are reported.
         stamp_ns: Time of the reading.
         left: Whether the left switch is closed, so that a pin is at the bottom of its hole.
         right: The same for the right switch.

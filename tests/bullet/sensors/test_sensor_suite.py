@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from msrr_bullet.profiler import NullProfiler
-from msrr_bullet.sensors.sensor_suite import SensorSuite
+from msrr_bullet.sensors.sensor_suite import MountedCamera, SensorSuite
 from msrr_bullet.trial.environment import Environment, open_environment
 from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.messages import (
@@ -22,10 +22,12 @@ from msrr_scenes.messages import (
     PoseMeasurement,
     SeatSwitches,
     SensorMessage,
+    TagDetection,
     Twist,
     WheelOdometry,
 )
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.sensors import CameraSpec
 
 
 class Listener:
@@ -67,6 +69,22 @@ def scene(**keys: Any) -> Scene:
             **keys,
         }
     )
+
+
+class Frames:
+    """A camera of which each frame shows the same tags, and is under way for a time of its own."""
+
+    def __init__(self, name: str, tags: Collection[int] = (), latencies_ms: Iterable[int] = ()) -> None:
+        self.name, self.spec = name, CameraSpec(rate_hz=25.0)
+        self._tags = tuple(TagDetection(tag, np.zeros((4, 2))) for tag in tags)
+        self._latencies_ms, self._frame = iter(latencies_ms), 0
+
+    def capture(self, now_ns: int, reader: object) -> tuple[SensorMessage, ...]:
+        self._frame += 1
+        return (Detections(Exposure(self.name, self._frame, now_ns), self._tags, ()),)
+
+    def next_latency_ns(self) -> int:
+        return 1_000_000 * next(self._latencies_ms, 0)
 
 
 @contextmanager
@@ -123,14 +141,18 @@ def test_switches_and_lock_report_changes_only() -> None:
         run(environment, sensors, robot, 0.2)
         environment.simulation.plant.set_lock("a", True)
         run(environment, sensors, robot, 0.8)
-    assert [(m.left, m.right) for _, m in robot.of(SeatSwitches)] == [(False, False)]
+    assert [message for _, message in robot.of(SeatSwitches)] == [SeatSwitches("a", 0, False, False)]
+    assert all((m.unit, m.stamp_ns) == ("a", now_ns) for now_ns, m in robot.of(LockFeedback))
     positions = [m.position for _, m in robot.of(LockFeedback)]
     assert positions == [LockPosition.OPEN, LockPosition.CLOSING, LockPosition.CLOSED]
 
 
 @pytest.mark.parametrize("value", ["open", "closed"])
 def test_a_stuck_seat_switch_hides_the_true_state(value: str) -> None:
-    of = scene(faults=[{"kind": "seat_switch_stuck", "unit": "b", "value": value}])
+    """That of the target; the unit reads no switch of its own ports."""
+    own = {"open": "closed", "closed": "open"}[value]
+    faults = [{"kind": "seat_switch_stuck", "unit": u, "value": v} for u, v in (("b", value), ("a", own))]
+    of = scene(faults=faults)
     robot = Listener(of)
     with suite(of) as (environment, sensors):
         run(environment, sensors, robot, 0.2)
@@ -161,6 +183,46 @@ def test_only_tags_of_the_target_count_as_detected(hidden: bool) -> None:
     ids = {tag.tag_id for m in detections for tag in m.tags}
     assert ids & set(of.tag_ids("c").values())
     assert (not ids & set(of.tag_ids("b").values())) is hidden
+
+
+@pytest.mark.parametrize("camera", ["a/onboard", "overhead"])
+@pytest.mark.parametrize("shown", ["b", "a"])
+def test_only_the_own_camera_detects_the_target(camera: str, shown: str) -> None:
+    of = scene()
+    with open_environment(of, 3) as environment:
+        plant, encoders = environment.simulation.plant, environment.devices.encoders["a"]
+        for step, target in ((of.docks[0], "b"), (None, None)):
+            camera_of_tags = Frames(camera, of.tag_ids(shown).values())
+            sensors = SensorSuite(of, "a", step, plant, encoders, [camera_of_tags], NullProfiler())
+            assert not sensors.ever_detected
+            robot = Listener(of)
+            sensors.tick(plant.now_ns(), robot)
+            assert len(robot.of(Detections)) == 1
+            assert sensors.ever_detected is (camera == "a/onboard" and shown == target)
+
+
+def test_no_frame_overtakes_the_one_before() -> None:
+    """Of 100, 10 and 30 ms the second arrives with the first one, and the third at its own time."""
+    camera, reader, arrived = MountedCamera(Frames("overhead", (), (100, 10, 30)), 0), Listener(scene()), []
+    for now in range(0, 119, 5):
+        arrived += [(now, m.exposure.frame) for m in camera.tick(now * 1_000_000, reader)]
+    assert arrived == [(100, 1), (100, 2), (110, 3)]
+
+
+def test_a_suite_has_nothing_to_do_before_the_time_that_it_gives() -> None:
+    of = scene(cameras={"onboard": {"latency_ms": 35.0, "rate_hz": 25.0}}, odometry={"rate_hz": 60.0})
+    robot = Listener(of)
+    with suite(of) as (_, sensors):
+        arrivals = 0
+        while (next_ns := sensors.next_ns) < 1e9:
+            assert isinstance(next_ns, int)
+            sensors.tick(next_ns - 1, robot)
+            assert (len(robot.messages), sensors.next_ns) == (arrivals, next_ns)
+            sensors.tick(next_ns, robot)
+            assert sensors.next_ns > next_ns
+            arrivals = len(robot.messages)
+    assert len(robot.of(WheelOdometry)) == 60
+    assert len(robot.of(PoseMeasurement)) == 25
 
 
 def test_odometry_follows_the_wheels() -> None:

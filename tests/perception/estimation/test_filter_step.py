@@ -95,6 +95,19 @@ def test_a_state_that_no_measurement_confirms_is_kept_until_the_last_that_may_di
     assert far < 0.01
 
 
+def test_a_measurement_that_starts_nothing_leaves_the_state_as_it_was(
+    stepper: Stepper, target: TargetModel, see: See
+) -> None:
+    """Two tags that disagree with each other as well, when a new start is due."""
+    last, (one, two, _) = replace(stepper.first, rejected=9), see(pose_vector(X_DU), target.port_tags)
+    tags = (replace(one, corners=one.corners + 100.0), replace(two, corners=two.corners - 80.0))
+    after = stepper.step.take(last, Detections(NEXT, tags, ()))
+    assert after is not None
+    assert (after.rejected, after.last_seen_ns) == (10, 0)
+    assert after.exposures == ExposureCounts(used=1, rejected=1)
+    np.testing.assert_allclose(after.mean[1:3], stepper.first.mean[1:3], atol=0.01)
+
+
 def test_whichever_pose_of_a_new_start_leads_counts_on_from_the_state_before(
     stepper: Stepper, target: TargetModel, see: See
 ) -> None:
