@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -39,6 +40,8 @@ def test_without_radio_it_stops_at_once_and_before_the_limit() -> None:
     braking = 0.4**2 / (2.0 * LIMITS.a_max_mps2)
     assert 0.5 + 0.4 * REACTION_S + braking < stop < 0.5 + 0.4 * REACTION_S + 1.5 * braking
     assert held.limit(2_100_000_000, 0.54, 0.3) == stop  # it does not move once it is set
+    assert not held.receive(_authority(1.7, expires_ns=2_000_000_000))
+    assert held.limit(2_150_000_000, 0.56, 0.3) == stop  # nor by the same message once more
     held.receive(_authority(1.7, seq=2, expires_ns=4_000_000_000))
     assert held.limit(2_200_000_000, 0.58, 0.2) == 1.7
 
@@ -134,3 +137,19 @@ def test_a_route_in_the_open_ends_in_the_heading_of_its_track(turn: float) -> No
     held = MovementAuthority(LIMITS, REACTION_S)
     held.receive(replace(_authority(0.0), legs=builder.track().legs, to=None))
     assert held.end_yaw == pytest.approx(builder.pose.yaw)
+
+
+@pytest.mark.parametrize("turn", [-1.2, 0.7])
+def test_a_route_in_the_open_ends_in_the_heading_after_a_bend(turn: float) -> None:
+    """The axle trails the point that follows the path: after a line of 0.8 m by hardly anything."""
+    bend = Path(
+        np.array([0.0, 0.0, 0.4]),
+        np.array([math.copysign(1.0 / 0.3, turn), 0.0]),
+        np.array([0.3 * abs(turn), 0.8]),
+    )
+    builder = TrackBuilder(SE2(0.0, 0.0, 0.4), 0.1)
+    builder.follow(bend)
+    held = MovementAuthority(LIMITS, REACTION_S)
+    held.receive(replace(_authority(0.0), legs=builder.track().legs, to=None))
+    assert held.end_yaw == pytest.approx(0.4 + turn)
+    assert builder.pose.yaw == pytest.approx(held.end_yaw, abs=1e-3)

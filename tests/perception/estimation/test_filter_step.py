@@ -38,6 +38,7 @@ class Stepper:
 
     def __init__(self, target: TargetModel, scene: Scene, see: See) -> None:
         self.motion, self.wheels = DriveMotion(target, scene.odometry, DEFAULT_NOISE), WheelHistory()
+        self.wheel_radius = target.wheel_radius
         update = CornerUpdate(target, 0.3, DEFAULT_NOISE.tilt_sigma, 0.9999, 2.0)
         self.step = FilterStep(self.motion, update, self.wheels, RESET_AFTER)
         for k in range(10):
@@ -58,11 +59,13 @@ def _measured(X_DU: SE2, exposure: Exposure = NEXT) -> PoseMeasurement:
 
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_state_whose_position_is_unknown_is_started_anew_at_once(stepper: Stepper, axis: int) -> None:
-    """From a standard deviation of 10 m on; one that is known better is corrected."""
-    for sigma, counts in ((9.9, ExposureCounts(used=2)), (10.1, ExposureCounts(used=1, rejected=1))):
+    """From a standard deviation of 10 m on, whatever is thought of the wheels; a smaller one is corrected."""
+    used, anew = ExposureCounts(used=2), ExposureCounts(used=1, rejected=1)
+    for sigma, doubted_ns, counts in ((9.9, None, used), (10.1, None, anew), (10.1, 0, anew)):
         covariance = stepper.first.covariance.copy()
         covariance[axis, axis] = sigma**2
-        after = stepper.step.take(replace(stepper.first, covariance=covariance), _measured(X_DU))
+        before = replace(stepper.first, covariance=covariance, wheels_doubted_ns=doubted_ns)
+        after = stepper.step.take(before, _measured(X_DU))
         assert after is not None
         assert after.exposures == counts
         assert after.rejected == 0
@@ -122,6 +125,35 @@ def test_whichever_pose_of_a_new_start_leads_counts_on_from_the_state_before(
         assert (state.rejected, state.last_seen_ns) == (0, NEXT.stamp_ns)
 
 
+def test_a_pose_with_which_a_measurement_does_not_agree_is_less_likely(stepper: Stepper) -> None:
+    mean = stepper.first.mean.copy()
+    mean[0] -= 0.3
+    other = replace(stepper.first, mean=mean, alternatives=())
+    for one, another in ((stepper.first, other), (other, stepper.first)):
+        after = stepper.step.take(replace(one, alternatives=(another,)), _measured(X_DU))
+        assert after is not None
+        np.testing.assert_allclose(after.mean[:2], X_DU.translation, atol=0.01)
+        assert after.alternatives == ()
+        assert after.exposures == ExposureCounts(used=2)
+
+
+def test_wheels_that_agree_again_are_trusted_after_they_did_not(stepper: Stepper) -> None:
+    """As long as none has been corrected without them."""
+    wheels = stepper.wheels.angles_at(NEXT.stamp_ns)
+    assert wheels is not None
+    measured = _measured(X_DU @ SE2(wheels.left * stepper.wheel_radius, 0.0, 0.0))
+    at_once = stepper.step.take(stepper.first, measured)
+    again = stepper.step.take(replace(stepper.first, rejected=RESET_AFTER - 1), measured)
+    assert at_once is not None
+    assert again is not None
+    np.testing.assert_array_equal(again.mean, at_once.mean)
+    np.testing.assert_array_equal(again.covariance, at_once.covariance)
+    assert (again.exposures, again.rejected) == (ExposureCounts(used=2), 0)
+    third = stepper.step.take(replace(stepper.first, rejected=2), measured)
+    assert third is not None
+    np.testing.assert_array_equal(third.covariance, at_once.covariance)
+
+
 def test_what_agrees_only_without_the_wheels_is_counted_and_dated(stepper: Stepper) -> None:
     """Wheels that are doubted already, and a unit that has been carried 2 cm aside meanwhile."""
     aside = X_DU @ SE2(0.0, 0.02, 0.0)
@@ -130,6 +162,10 @@ def test_what_agrees_only_without_the_wheels_is_counted_and_dated(stepper: Stepp
     assert after is not None
     assert after.exposures == ExposureCounts(used=1, without_wheels=1)
     assert (after.wheels_doubted_ns, after.rejected) == (NEXT.stamp_ns, 0)
+    last = stepper.step.take(replace(doubted, rejected=RESET_AFTER - 1), _measured(aside))
+    assert last is not None
+    assert last.exposures == ExposureCounts(used=1, rejected=1), "it starts anew, and trusts the wheels"
+    assert last.wheels_doubted_ns is None
     trusted = stepper.step.take(stepper.first, _measured(aside))
     assert trusted is not None
     assert trusted.exposures == ExposureCounts(used=1, rejected=1)
