@@ -130,6 +130,8 @@ class GlobalEstimator:
             way = self._clock_s * self._own.velocity(pose.stamp_ns)
             covariance = covariance + way[:, None] * way
         self._own.add_pose(PoseMeasurement(exposure, pose.X_WB, covariance, (None, None)))
+        if self._own_seen is not None and pose.stamp_ns <= self._own_seen.pose.stamp_ns:
+            return  # late or delivered again, it does not tell whether the unit stands
         standstill = self._own_standstill
         self._own_standstill = standstill.after(seen) if standstill else StandstillDetector(seen)
         self._own_seen = seen

@@ -512,3 +512,27 @@ def test_what_lasts_while_a_unit_stands_adds_to_what_its_filter_says(
     told, own = estimator.predict(600_000_000)["a"], estimator._own.predict(600_000_000)
     assert own is not None
     np.testing.assert_allclose(told.covariance - own.covariance, lasting, atol=1e-15)
+
+
+def test_what_arrives_late_or_once_more_does_not_tell_whether_a_unit_stands(
+    scene: Scene, model: OverheadModel
+) -> None:
+    """Three measurements that arrive twice do not make it stand, nor does one of its way make it drive."""
+    estimator, lasting = estimator_of(scene, model), 1e-7 * np.diag([1.0, 2.0, 3.0])
+
+    def see(k: int, x: float = -0.5) -> None:
+        pose = GlobalPose("a", k * 100_000_000, SE2(x, 0.1, 0.2), 1e-6 * np.eye(3))
+        estimator.add_seen_poses(SeenPoses(pose.stamp_ns, (SeenPose(pose, lasting),)))
+
+    def lasts() -> bool:
+        told, own = estimator.predict(1_000_000_000)["a"], estimator._own.predict(1_000_000_000)
+        assert own is not None
+        return bool((told.covariance != own.covariance).any())
+
+    for k in (3, 3, 4, 4, 5, 5):
+        see(k)
+    assert not lasts()
+    see(6)
+    assert lasts()
+    see(2, x=-0.53)
+    assert lasts()
