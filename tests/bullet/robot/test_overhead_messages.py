@@ -1,0 +1,132 @@
+"""What a unit takes in of the overhead camera: from whom, how new it is, and of which bodies it tells."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from msrr_bullet.robot.overhead_localizer import OverheadLocalizer, OverheadReader
+from msrr_control.shapes.bodies import ACTIVE_PORT
+from msrr_perception.detection.detector import PupilDetector
+from msrr_perception.pose.target import TargetModel
+from msrr_perception.tracking.body_track import SeenPose, SeenPoses
+from msrr_scenes.geometry.pinhole import Window
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import (
+    OVERHEAD,
+    Detections,
+    Exposure,
+    GlobalPose,
+    Localisation,
+    Pixels,
+    SeatSwitches,
+    SensorMessage,
+    WheelOdometry,
+)
+from msrr_scenes.specs.scene import Scene
+
+POSES = {"a": SE2(-0.5, 0.1, 0.3), "b": SE2(0.6, 0.0, -1.0), "c": SE2(0.0, 1.0, 2.0)}
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return Scene.model_validate(
+        {
+            "name": "arena",
+            "units": {"a": {"number": 0}, "b": {"number": 1}, "c": {"number": 2}},
+            "cameras": {"overhead": {}},
+            "plan": [{"unit": "a", "to": "b.rear"}],
+        }
+    )
+
+
+@pytest.fixture
+def localizer(scene: Scene) -> OverheadLocalizer:
+    return OverheadLocalizer(scene, "a", TargetModel.without_target(scene, "a", ACTIVE_PORT))
+
+
+def _pose(name: str, stamp_ns: int) -> GlobalPose:
+    return GlobalPose(name, stamp_ns, POSES[name], 1e-6 * np.eye(3))
+
+
+def _empty(camera: str, stamp_ns: int) -> Detections:
+    return Detections(Exposure(camera, 0, stamp_ns), (), ())
+
+
+def test_the_newest_exposure_is_told_whatever_the_order_of_arrival(localizer: OverheadLocalizer) -> None:
+    messages: list[tuple[SensorMessage, int | None]] = [
+        (WheelOdometry("a", 90, 0.0, 0.0), None),
+        (_empty("a/onboard", 95), None),
+        (SeatSwitches("a", 96, left=False, right=False), None),
+        (_empty(OVERHEAD, 30), 30),
+        (_empty(OVERHEAD, 20), 30),
+        (Localisation(_empty(OVERHEAD, 40)), 40),
+        (Localisation(_empty(OVERHEAD, 35)), 40),
+        (_pose("b", 50), 50),
+        (_pose("c", 45), 50),
+    ]
+    assert localizer.newest_ns is None
+    for message, newest_ns in messages:
+        localizer.receive(message)
+        assert localizer.newest_ns == newest_ns
+    for stamp_ns, newest_ns in ((49, 50), (60, 60)):
+        localizer.see(SeenPoses(stamp_ns, ()))
+        assert localizer.newest_ns == newest_ns
+
+
+def test_what_a_base_station_has_read_is_as_good_as_a_first_message(localizer: OverheadLocalizer) -> None:
+    localizer.see(SeenPoses(7, (SeenPose(_pose("a", 7), np.zeros((3, 3))),)))
+    assert localizer.newest_ns == 7
+    arena = localizer.estimate(7, None)
+    assert arena is not None
+    assert (arena.own.X_WB, arena.target, arena.others) == (POSES["a"], None, ())
+
+
+def test_another_target_is_another_one_of_the_bodies_that_are_known(
+    scene: Scene, localizer: OverheadLocalizer
+) -> None:
+    """Nothing that was seen is forgotten, and without its target a unit has no estimate."""
+    (step,) = scene.docks
+    localizer.receive(_pose("a", 0))
+    for aim, knows in ((None, True), (step, False), (None, True)):
+        localizer.aim(aim)
+        assert (localizer.estimate(1, None) is not None) is knows
+    localizer.receive(_pose("b", 0))
+    localizer.receive(_pose("c", 0))
+    for aim, target, others in ((step, "b", ["c"]), (None, None, ["b", "c"])):
+        localizer.aim(aim)
+        arena = localizer.estimate(1, None)
+        assert arena is not None
+        assert (None if arena.target is None else arena.target.name) == target
+        assert sorted(body.name for body in arena.others) == others
+        assert (arena.own.name, arena.own.X_WB) == ("a", POSES["a"])
+
+
+def test_surroundings_are_checked_a_second_after_they_were_seen(scene: Scene) -> None:
+    (step,) = scene.docks
+    drive = TargetModel.from_scene(scene, step)
+    reader = OverheadReader(scene, step, drive, PupilDetector())
+
+    def due_ns() -> int:
+        due = [k for k in range(0, 4000, 100) if reader.check_is_due(k * 1_000_000)]
+        assert not reader.check_is_due(due[0] * 1_000_000 - 1)
+        return due[0]
+
+    assert due_ns() == 1000
+    for stamp_ms, due_ms in ((500, 1500), (300, 1500), (700, 1700)):
+        reader.receive(_pose("b", stamp_ms * 1_000_000))
+        assert due_ns() == due_ms
+    reader.receive(WheelOdometry("a", 900_000_000, 0.0, 0.0))
+    reader.receive(_empty(OVERHEAD, 900_000_000))  # it was read already: that was the check
+    assert due_ns() == 1700
+    assert scene.cameras.overhead is not None
+    frame = scene.cameras.overhead.pinhole.frame
+    blank = np.full((frame.height, frame.width), 120, dtype=np.uint8)
+
+    def fetch(window: Window) -> Pixels:
+        return blank[window.y : window.y + window.height, window.x : window.x + window.width]
+
+    reader.check(Exposure(OVERHEAD, 0, 800_000_000), SE2(), fetch)
+    assert due_ns() == 1800
+    reader.detect(Exposure(OVERHEAD, 1, 1_000_000_000), fetch)
+    assert due_ns() == 2000
