@@ -187,6 +187,25 @@ def test_a_tag_that_is_left_out_is_as_good_as_not_there(
     assert left_out >= 2
 
 
+def test_of_three_tags_that_all_disagree_none_is_believed(
+    target: TargetModel, scene: Scene, project: Callable[..., Any]
+) -> None:
+    tags = list(_tags(target, project, target.port_tags))
+    for k, off in ((0, [20.0, 10.0]), (1, [-25.0, 15.0])):
+        tags[k] = replace(tags[k], corners=tags[k].corners + np.array(off))
+    assert _first(target, scene, tags) is None
+
+
+@pytest.mark.parametrize("size_px", [0.0, 1e-9, 1e-3])
+def test_a_tag_without_a_size_starts_nothing(
+    target: TargetModel, scene: Scene, project: Callable[..., Any], size_px: float
+) -> None:
+    (tag,) = _tags(target, project, target.port_tags[:1])
+    middle = tag.corners.mean(axis=0)
+    small = replace(tag, corners=middle + size_px * (tag.corners - middle) / np.ptp(tag.corners))
+    assert _first(target, scene, [small]) is None
+
+
 def _fit(target: TargetModel, corner_sigma_px: float, tilt_sigma: float = 1e-3) -> FirstFit:
     sheet = DataSheet(0.0, target.corner_errors.blur_px, target.corner_errors.contrast, corner_sigma_px)
     return FirstFit(target, sheet, CornerNoise(corner_sigma_px, tilt_sigma), 1.0)
