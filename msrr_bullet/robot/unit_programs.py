@@ -44,8 +44,7 @@ class UnitPrograms:
         """Return the program of a route that leads to no port, and what follows the route in it.
 
         Raises:
-            UnknownNameError: The scene names something unknown.
-            SceneError: Parameters are wrong.
+            SceneError: Parameters are wrong, or no unit that a base station leads drives by the law.
         """
         guided = self._guided(AssemblySetup.without_target(self._scene, self._unit, ACTIVE_PORT))
         self.overhead.aim(None)
