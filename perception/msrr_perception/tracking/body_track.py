@@ -239,7 +239,7 @@ class BodyTrack:
         if seen.pose.stamp_ns < self.seen.pose.stamp_ns:
             if fused is None or self.motion is not Motion.STANDS:
                 return self
-            return replace(fused, seen=self.seen)
+            return replace(fused, seen=self.seen, rejected=self.rejected)
         if fused is None:
             fused = self._fused(seen, noise, Motion.MANOEUVRES)
         if fused is None:

@@ -332,6 +332,18 @@ def test_what_arrives_late_is_no_sign_of_motion_and_does_not_disturb_a_drive() -
     assert stands.after(late, NOISE) is stands
 
 
+def test_what_arrives_late_does_not_confirm_where_a_body_was_before_it_was_moved() -> None:
+    track = Scene().run(2.05)
+    moved = track.X_WB @ SE2(0.0, 0.05, 0.0)
+    for k in (1, 2):
+        track = track.after(seen(2 * NS + k * NS // 10, moved), NOISE)
+    assert track.rejected == 2
+    late = track.after(seen(track.seen.pose.stamp_ns - NS // 20, track.X_WB), NOISE)
+    assert (late.accepted, late.rejected) == (track.accepted + 1, 2)
+    anew = late.after(seen(2 * NS + 3 * NS // 10, moved), NOISE)
+    assert (anew.rejected, anew.X_WB) == (0, moved)
+
+
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_body_unseen_gets_uncertain_by_the_root_of_the_time(axis: int) -> None:
     track = BodyTrack.at_rest(seen(0, SE2()))
