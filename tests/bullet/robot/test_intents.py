@@ -85,7 +85,9 @@ def test_the_one_that_goes_after_keeps_out_of_where_the_other_would_stop(scene: 
 
     assert decision() is MonitorState.FREE
     assert decision(intent) is MonitorState.STOP
-    assert decision(intent, now_ns=1_500_000_000) is MonitorState.FREE, "it is too old to tell anything"
+    assert decision(intent, now_ns=999_999_999) is MonitorState.STOP
+    assert decision(intent, now_ns=1_000_000_000) is MonitorState.FREE, "it is too old to tell anything"
+    assert decision(Intent("c", 0, intent.poses)) is MonitorState.FREE, "nobody knows where that one is"
 
 
 def test_of_two_that_meet_head_on_one_may_go_on(scene: Scene) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -324,3 +325,33 @@ def test_a_unit_travels_as_far_backwards_and_to_the_right(scene: Scene) -> None:
             trajectory.send(sent)
             farthest.add(trajectory.max_travel(command, 0.2))
     assert len(farthest) == 1
+
+
+@pytest.mark.parametrize("command", [Twist(0.4, 0.0), Twist(-0.3, 0.7), Twist(0.0, -1.5)], ids=str)
+def test_the_poses_on_the_way_to_a_stop_are_told_every_5_cm(scene: Scene, command: Twist) -> None:
+    """By the point of the unit that goes farthest, which goes up to 8 mm in a step; then where it stops."""
+    trajectory, X_WU, reach = StoppingTrajectory(scene), SE2(0.3, -0.2, 2.9), 0.5
+    assert trajectory.stopping_poses(X_WU, reach) == [], "it stands"
+    for k in range(60):
+        trajectory.advance(k * 20_000_000)
+        trajectory.send(command)
+    told = trajectory.stopping_poses(X_WU, reach)
+    ways = []
+    for before, after in pairwise([X_WU, *told]):
+        off = before.inverse() @ after
+        ways.append(math.hypot(off.x, off.y) + reach * abs(off.yaw))
+    assert len(ways) >= 2
+    assert all(0.049 < way < 0.058 for way in ways[:-1])
+    assert 0.001 < ways[-1] < 0.058
+    *_, (x, y, yaw, _) = trajectory._poses(Twist(), reach)
+    assert told[-1].as_array() == pytest.approx((X_WU @ SE2(x, y, yaw)).as_array(), abs=2e-3)
+
+
+@pytest.mark.parametrize(("v", "tells"), [(0.02, True), (0.005, False)])
+def test_a_unit_that_would_stop_within_a_millimetre_is_at_rest(scene: Scene, v: float, tells: bool) -> None:
+    """Until its stop is in force and followed, which takes more than a tenth of a second, it goes on."""
+    trajectory = StoppingTrajectory(scene)
+    for k in range(60):
+        trajectory.advance(k * 20_000_000)
+        trajectory.send(Twist(v))
+    assert bool(trajectory.stopping_poses(SE2(), 0.2)) is tells
