@@ -103,7 +103,7 @@ class CollisionMonitor:
         self._trajectory = StoppingTrajectory(scene)
         self._intents: tuple[Intent, ...] = ()
         self._neighbours: CloseNeighbours | None = None
-        self._told: tuple[tuple[str, str], ...] = ()
+        self._told: tuple[tuple[str, str], ...] | None = None  # docks, by a base station
         self._expect(joints)
 
     def _expect(self, joints: Iterable[DockStep]) -> None:

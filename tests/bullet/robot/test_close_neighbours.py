@@ -8,6 +8,7 @@ from msrr_bullet.robot.close_neighbours import CloseNeighbours
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, GlobalPose, MonitorState, PoseEstimate, Twist
+from msrr_scenes.messages.coordination import Authority
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
@@ -137,3 +138,28 @@ def test_a_neighbour_is_in_its_seat_by_place_and_heading_as_seen_from_there(
     (found,) = neighbours.in_dock_frame(ArenaEstimate(0, a, b, (c,), (), 0), sight).others
     expected = X_DC if in_seat else seen
     np.testing.assert_allclose(found.X_WB.as_array(), expected.as_array(), atol=1e-3)
+
+
+@pytest.mark.parametrize("at_first", [(), (DockStep(unit="c", to="b.left"),)])
+def test_neighbours_are_those_of_the_docks_that_were_told_last(
+    scene: Scene, at_first: tuple[DockStep, ...]
+) -> None:
+    """27 mm beside unit c a unit that docks drives on only if it knows that c is locked to its target."""
+    front, X_WD = float(scene.geometry("a").footprint[:, 0].max()), scene.geometry("b").dock_frame("rear")
+    places = {"a": X_WD @ SE2(-0.027 - front, 0.2, 0.0), "b": SE2(), "c": X_WD @ X_DC}
+    a, b, c = (GlobalPose(name, 0, X, SURE) for name, X in places.items())
+    arena = ArenaEstimate(0, a, b, (c,), (), 0)
+    monitor = CollisionMonitor(scene, "a", scene.docks[0], at_first)
+
+    def passes() -> bool:
+        return monitor.limit(Twist(0.05), arena, 0, docking=True).state is MonitorState.FREE
+
+    assert passes() is bool(at_first)
+    for joints in ((), (("c.front", "b.left"),), (("c.front", "b.left"),), (("c.front", "a.rear"),), ()):
+        monitor.brief(Authority("a", 1, 1, 0, 1, 1.0, (), "b.rear", unlock=False, joints=joints))
+        assert passes() is (joints == (("c.front", "b.left"),))
+    without_target = CollisionMonitor(scene, "a")
+    without_target.brief(
+        Authority("a", 1, 1, 0, 1, 1.0, (), None, unlock=False, joints=(("c.front", "b.left"),))
+    )
+    assert without_target.limit(Twist(0.05), arena, 0).state is MonitorState.STOP
