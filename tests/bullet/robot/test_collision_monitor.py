@@ -261,6 +261,37 @@ def test_the_uncertainty_of_the_estimates_is_subtracted() -> None:
     assert certain.ahead - uncertain.ahead == pytest.approx(2.0 * math.hypot(0.02, 0.02), abs=0.002)
 
 
+def test_the_uncertainty_is_subtracted_for_a_command_that_leads_away_as_well() -> None:
+    scene, X_WA = arena(), SE2(-0.06 - 0.118 - 0.05, 0.0, 0.0)
+    ahead = []
+    for sigma_m in (0.0, 0.02):
+        covariance = np.diag([sigma_m**2, sigma_m**2, 0.0])
+        monitor = CollisionMonitor(scene, "a", scene.docks[0])
+        decision = monitor.limit(Twist(-0.15), known(0, X_WA, SE2(), covariance=covariance), 0)
+        assert decision.state is MonitorState.FREE
+        ahead.append(decision.ahead)
+    assert ahead[0] == pytest.approx(0.05, abs=0.01)
+    assert ahead[0] - ahead[1] == pytest.approx(2.0 * math.hypot(0.02, 0.02))
+
+
+def test_a_share_of_a_command_passes_that_falls_to_a_quarter_where_it_leads_too_near() -> None:
+    """In proportion to the clearance ahead, from all of it on; below that less than a quarter, or nothing."""
+    scene, shares = arena(), dict[float, float]()
+    spec = scene.control.guard
+    for gap in np.arange(0.0, 0.12, 0.002).tolist():
+        X_WA, monitor = SE2(-0.06 - 0.118 - gap, 0.0, 0.0), CollisionMonitor(scene, "a", scene.docks[0])
+        decision = monitor.limit(Twist(0.2), known(0, X_WA, SE2()), 0)
+        shares[decision.ahead] = decision.twist.v / 0.2
+    between = [(a, share) for a, share in shares.items() if spec.stop_m <= a < spec.slow_m]
+    assert len(between) > 5
+    assert all(share == 1.0 for a, share in shares.items() if a >= spec.slow_m)
+    assert all(share < 0.25 for a, share in shares.items() if a < spec.stop_m)
+    assert min(shares.values()) == 0.0
+    slope, _ = line = np.polyfit(*np.transpose(between), 1)
+    assert slope > 0.0
+    assert np.polyval(line, [spec.stop_m, spec.slow_m]) == pytest.approx([0.25, 1.0], abs=1e-6)
+
+
 def test_without_an_estimate_every_command_passes() -> None:
     scene = arena()
     monitor = CollisionMonitor(scene, "a", scene.docks[0])
