@@ -19,6 +19,7 @@ from msrr_scenes.messages import (
     MonitorState,
     Phase,
     Twist,
+    WheelOdometry,
 )
 from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg
 from msrr_scenes.specs.scene import Scene
@@ -106,14 +107,29 @@ def test_one_that_is_not_seen_gives_up_and_stands(scene: Scene) -> None:
         assert (action.phase, action.twist, action.reason) == (Phase.FAILED, Twist(), belief.reason)
 
 
-def test_one_that_faces_the_end_of_its_route_is_done(scene: Scene) -> None:
+def test_one_that_faces_the_end_of_its_route_is_done_when_its_wheels_stand(scene: Scene) -> None:
     programs = UnitPrograms(scene, "a")
-    program = _granted(programs)
-    for k in range(3):
-        _see(programs, k * S, a=SE2(0.0, 0.0, 1.0))
-        action = program.step(k * S)
-        assert (action.phase, action.twist) == (Phase.DONE, Twist())
+    program, angle = _granted(programs), 0.0
+    for k in range(30):
+        turns = k < 20
+        angle += 0.05 if turns else 0.0
+        program.receive(WheelOdometry("a", k * PERIOD_NS, -angle, angle))
+        _see(programs, k * PERIOD_NS, a=SE2(0.0, 0.0, 1.0))
+        if k > 0:  # the first reading tells no speed
+            action = program.step(k * PERIOD_NS)
+            assert action.attempt == 1
+            assert action.phase is Phase.ASSEMBLE or not turns
+    assert (action.phase, action.twist) == (Phase.DONE, Twist())
     assert program.belief.conviction is not Conviction.GAVE_UP
+
+
+def test_a_unit_stops_as_far_ahead_as_it_takes_to_react_and_to_brake() -> None:
+    """Within a period of control, the delay of the link and the lag of the drive it drives on as it did."""
+    scene = _scene(control={"rate_hz": 10.0}, link={"latency_ms": 70.0})
+    _, guided = UnitPrograms(scene, "a").along_route()
+    react_s = 0.1 + 0.07 + 1.0 / scene.limits.kappa_per_s
+    braking = 0.5 * 0.3**2 / (0.8 * scene.limits.a_max_mps2)
+    assert guided.authority.stopping_distance(0.3) == pytest.approx(0.3 * react_s + braking)
 
 
 def test_a_route_into_the_open_waits_for_no_sight_of_the_target_before(scene: Scene) -> None:

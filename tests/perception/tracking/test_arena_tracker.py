@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.tracking.arena_tracker import ArenaTracker
 from msrr_perception.tracking.body_track import SeenPose
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import GlobalPose
+from msrr_scenes.messages import OVERHEAD, Detections, Exposure, GlobalPose, TagDetection
 from msrr_scenes.specs.scene import Scene
 
 MS = 1_000_000
@@ -54,3 +56,77 @@ def test_the_pose_of_a_body_that_stands_is_the_same_object_meanwhile(trackers: l
     assert len({id(pose) for pose in given}) == 10
     tracker.add(seen("b", 1990 * MS, SE2(1.0, 0.5, 0.2)))
     assert tracker.poses(1995 * MS)["b"].stamp_ns == 1990 * MS
+
+
+def test_what_a_message_of_the_overhead_camera_shows(trackers: list[ArenaTracker]) -> None:
+    """Exact corners give the true poses, with the errors of a data sheet beside those of the corners."""
+    tracker, _ = trackers
+    model, localizer = tracker.model, tracker.model.localizer()
+    noise = np.diag([1e-6, 2e-6, 3e-6])
+    noisy, poses = (
+        ArenaTracker(replace(model, noise=noise)),
+        {"b": SE2(0.3, 0.2, 1.0), "c": SE2(-0.4, 0.0, 2.0)},
+    )
+    tags = tuple(
+        TagDetection(model.tag_of[name], localizer.pixels(model.tags[model.tag_of[name]], X))
+        for name, X in poses.items()
+    )
+    shown = [t.locate(Detections(Exposure(OVERHEAD, 3, 40 * MS), tags, ())) for t in (tracker, noisy)]
+    assert [each.stamp_ns for each in shown] == [40 * MS, 40 * MS]
+    for plain, more in zip(*(each.poses for each in shown), strict=True):
+        np.testing.assert_allclose(plain.pose.X_WB.as_array(), poses[plain.pose.name].as_array(), atol=1e-6)
+        np.testing.assert_allclose(more.pose.covariance - plain.pose.covariance, noise, atol=1e-12)
+        share = localizer.lasting_share[plain.pose.name]
+        assert 0.0 < share < 1.0
+        for each in (plain, more):
+            by_corners = plain.pose.covariance - model.noise
+            np.testing.assert_allclose(each.lasting, share * by_corners, rtol=1e-9, atol=1e-18)
+    assert len(shown[0].poses) == 2
+    elsewhere = tracker.locate(Detections(Exposure("b/onboard", 3, 40 * MS), tags, ()))
+    assert (elsewhere.stamp_ns, elsewhere.poses) == (40 * MS, ())
+
+
+def test_a_pose_that_is_measured_anew_each_time_has_no_error_that_lasts(trackers: list[ArenaTracker]) -> None:
+    pose = GlobalPose("b", 7, SE2(1.0, 0.5, 0.2), 1e-6 * np.eye(3))
+    seen_poses = trackers[0].locate(pose)
+    (one,) = seen_poses.poses
+    assert (seen_poses.stamp_ns, one.pose) == (7, pose)
+    np.testing.assert_array_equal(one.lasting, np.zeros((3, 3)))
+
+
+def test_what_is_known_of_bodies_that_were_seen(trackers: list[ArenaTracker]) -> None:
+    for tracker in trackers:
+        assert [tracker.knows(name) for name in ("a", "b", "c")] == [False, True, True]
+        assert tracker.moving() == {"c"}
+        tracker.add(seen("c", 960 * MS, SE2(0.19, -0.5, 0.0)))
+        assert (tracker.seen_ns("b"), tracker.seen_ns("c")) == (930 * MS, 960 * MS)
+        for name in ("b", "c"):
+            latest = tracker.latest(name)
+            assert (latest.name, latest.stamp_ns) == (name, tracker.seen_ns(name))
+        tracker.reset()
+        assert tracker.poses(1000 * MS) == {}
+        assert tracker.moving() == set()
+        assert not tracker.knows("b")
+
+
+def test_obstacles_are_those_that_were_seen() -> None:
+    posts = {
+        name: {"shape": "cylinder", "radius_m": radius, "height_m": 0.2, "tag_id": tag}
+        for name, radius, tag in (("near", 0.06, 500), ("wide", 0.09, 501), ("unseen", 0.05, 502))
+    }
+    units = {"b": {"number": 1}, "c": {"number": 2}}
+    plan = [{"unit": "b", "to": "c.rear"}]
+    scene = Scene.model_validate(
+        {"name": "x", "units": units, "obstacles": posts, "cameras": {"overhead": {}}, "plan": plan}
+    )
+    tracker = ArenaTracker(OverheadModel.from_scene(scene, units))
+    for name, x in (("wide", 0.5), ("b", 0.0), ("near", -0.5)):
+        tracker.add(seen(name, 10 * MS, SE2(x, 0.1, 0.2)))
+    told = {o.name: o for o in tracker.obstacles(tracker.poses(30 * MS))}
+    assert {name: (o.radius, o.X_WB.x) for name, o in told.items()} == {
+        "near": (pytest.approx(0.06), -0.5),
+        "wide": (pytest.approx(0.09), 0.5),
+    }
+    for name, obstacle in told.items():
+        assert obstacle.stamp_ns == tracker.seen_ns(name) == 10 * MS
+        np.testing.assert_array_equal(obstacle.covariance, tracker.poses(30 * MS)[name].covariance)
