@@ -8,6 +8,7 @@ import pytest
 from msrr_bullet.robot.overhead_localizer import OverheadLocalizer, OverheadReader
 from msrr_control.shapes.bodies import ACTIVE_PORT
 from msrr_perception.detection.detector import PupilDetector
+from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
 from msrr_perception.tracking.body_track import SeenPose, SeenPoses
 from msrr_scenes.geometry.pinhole import Window
@@ -21,9 +22,11 @@ from msrr_scenes.messages import (
     Pixels,
     SeatSwitches,
     SensorMessage,
+    TagDetection,
     WheelOdometry,
 )
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import pose_error
 
 POSES = {"a": SE2(-0.5, 0.1, 0.3), "b": SE2(0.6, 0.0, -1.0), "c": SE2(0.0, 1.0, 2.0)}
 
@@ -100,6 +103,39 @@ def test_another_target_is_another_one_of_the_bodies_that_are_known(
         assert (None if arena.target is None else arena.target.name) == target
         assert sorted(body.name for body in arena.others) == others
         assert (arena.own.name, arena.own.X_WB) == ("a", POSES["a"])
+
+
+@pytest.mark.parametrize("service", [False, True])
+def test_tags_and_wheels_tell_where_a_unit_is(
+    scene: Scene, localizer: OverheadLocalizer, service: bool
+) -> None:
+    """Its tag as the overhead camera or a service of localisation shows it, and 5 cm straight on."""
+    model = OverheadModel.from_scene(scene, ("a",))
+    pixels = model.localizer().pixels(model.tags[model.tag_of["a"]], POSES["a"])
+    detections = Detections(Exposure(OVERHEAD, 0, 0), (TagDetection(model.tag_of["a"], pixels),), ())
+    localizer.receive(WheelOdometry("a", 0, 0.0, 0.0))
+    localizer.receive(Localisation(detections) if service else detections)
+    angle = 0.05 / scene.geometry("a").wheel_radius
+    localizer.receive(WheelOdometry("a", 200_000_000, angle, angle))
+    for now_ns, way in ((0, 0.0), (200_000_000, 0.05)):
+        arena = localizer.estimate(now_ns, None)
+        assert arena is not None
+        assert pose_error(arena.own.X_WB, POSES["a"] @ SE2(way)) == pytest.approx(np.zeros(3), abs=1e-3)
+
+
+def test_a_unit_on_its_own_reckons_anew_where_its_target_stands_whenever_it_asks(scene: Scene) -> None:
+    """One of a mission, in which many bodies stand, every tenth of a second; both aim from the start."""
+    (step,) = scene.docks
+    drive = TargetModel.from_scene(scene, step)
+    alone = OverheadReader(scene, step, drive, PupilDetector())
+    for localizer, told_ms in ((alone, 250), (OverheadLocalizer(scene, "a", drive, step), 200)):
+        localizer.receive(_pose("a", 0))
+        assert localizer.estimate(1, None) is None, "it has not seen its target"
+        localizer.receive(_pose("b", 0))
+        arena = localizer.estimate(250_000_000, None)
+        assert arena is not None
+        assert arena.target is not None
+        assert arena.target.stamp_ns == told_ms * 1_000_000
 
 
 def test_surroundings_are_checked_a_second_after_they_were_seen(scene: Scene) -> None:
