@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from itertools import pairwise
 
 import numpy as np
@@ -24,6 +25,7 @@ from msrr_scenes.messages import (
     Phase,
     Twist,
 )
+from msrr_scenes.messages.coordination import Intent
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.scene import Scene
 
@@ -310,6 +312,7 @@ def test_an_estimate_of_the_past_is_carried_on_in_the_heading_of_the_unit(scene:
     expected = before.X_WB @ SE2.exp(0.02, 0.0, 0.03)
     assert X_WU.as_array() == pytest.approx(expected.as_array(), abs=1e-6)
     assert trajectory.present_pose(before, before.stamp_ns) is before.X_WB
+    assert trajectory.present_pose(before, before.stamp_ns - 1_000_000_000) is before.X_WB, "it is newer"
 
 
 def test_a_unit_travels_as_far_backwards_and_to_the_right(scene: Scene) -> None:
@@ -355,3 +358,36 @@ def test_a_unit_that_would_stop_within_a_millimetre_is_at_rest(scene: Scene, v: 
         trajectory.advance(k * 20_000_000)
         trajectory.send(Twist(v))
     assert bool(trajectory.stopping_poses(SE2(), 0.2)) is tells
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_body_with_an_intent_is_as_near_as_it_is_or_will_be(scene: Scene, seed: int) -> None:
+    """A map is as near as the nearest of those in which each body stands at one of its poses."""
+    rng, model = np.random.default_rng(seed), ClearanceModel.from_scene(scene)
+    reaches = {"a": scene.geometry("a").circumradius, "b": scene.geometry("b").circumradius, "post": 0.06}
+    poses = [SE2(*rng.uniform([-1.0, -1.0, -3.0], [1.0, 1.0, 3.0]).tolist()) for _ in range(4)]
+    X_WU, X_WP = SE2(*rng.uniform([-1.5, -1.5, -3.0], [1.5, 1.5, 3.0]).tolist()), SE2(0.3, -0.8, 0.0)
+
+    def local_map(X_WB: SE2, names: Collection[str] = ("b", "post"), *intents: Intent) -> LocalMap:
+        known = {"own": ("a", X_WU), "target": ("b", X_WB)}
+        own, target = (GlobalPose(name, 0, X, 1e-4 * np.eye(3)) for name, X in known.values())
+        post = ObstacleEstimate("post", 0, X_WP, 1e-6 * np.eye(3), 0.06)
+        return LocalMap(model, ArenaEstimate(0, own, target, (), (post,), 0), reaches, names, intents)
+
+    intent = Intent("b", 0, tuple((X.x, X.y, X.yaw) for X in poses[1:]))
+    stranger = Intent("c", 0, ((X_WU.x, X_WU.y, X_WU.yaw),))
+    whole, alone = local_map(poses[0], ("b", "post"), intent, stranger), [local_map(X) for X in poses]
+    assert whole.distance(X_WU) == min(one.distance(X_WU) for one in alone)
+    bounds = whole.bounds(X_WU, 2.0)
+    assert bounds == {
+        "b": min(one.bounds(X_WU, 2.0)["b"] for one in alone),
+        "post": alone[0].bounds(X_WU, 2.0)["post"],
+    }
+    for name in ("b", "post"):
+        part = whole.only([name])
+        assert part.distance(X_WU) == local_map(poses[0], (name,), intent).distance(X_WU)
+        assert part.bounds(X_WU, 2.0) == {name: bounds[name]}
+        # The clearance is measured a third of a millimetre aside.
+        assert bounds[name] + 2.0 * whole.sigmas[name] <= part.distance(X_WU) + 4e-4
+    nobody = whole.only([])
+    assert (nobody.distance(X_WU), nobody.bounds(X_WU, 2.0), nobody.clearance(X_WU)) == (math.inf, {}, None)
