@@ -377,7 +377,8 @@ def test_a_body_with_an_intent_is_as_near_as_it_is_or_will_be(scene: Scene, seed
     intent = Intent("b", 0, tuple((X.x, X.y, X.yaw) for X in poses[1:]))
     stranger = Intent("c", 0, ((X_WU.x, X_WU.y, X_WU.yaw),))
     whole, alone = local_map(poses[0], ("b", "post"), intent, stranger), [local_map(X) for X in poses]
-    assert whole.distance(X_WU) == min(one.distance(X_WU) for one in alone)
+    for place in (X_WU, *(X @ SE2(0.3, 0.2, turn) for X in poses for turn in range(6))):
+        assert whole.distance(place) == min(one.distance(place) for one in alone)
     bounds = whole.bounds(X_WU, 2.0)
     assert bounds == {
         "b": min(one.bounds(X_WU, 2.0)["b"] for one in alone),
