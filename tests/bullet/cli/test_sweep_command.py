@@ -72,7 +72,6 @@ def test_trials_go_on_and_are_written_where_nobody_reads_of_them(
     assert {row["seed"] for row in rows} == {"0", "1"}
 
 
-@pytest.mark.usefixtures("sweeps_here")
 def test_a_store_that_gets_full_costs_no_result(
     short_trial: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -270,7 +269,6 @@ def test_values_that_cannot_be_varied_are_refused_before_any_trial(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.usefixtures("sweeps_here")
 def test_a_sweep_at_several_values_that_is_stopped_keeps_what_it_has(
     short_trial: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
