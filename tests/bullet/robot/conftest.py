@@ -183,3 +183,17 @@ def open_arena() -> Iterator[OpenArena]:
             )
 
         yield build
+
+
+def locked_pair(**keys: object) -> Scene:
+    """Return a scene in which unit b begins in the rear port of unit a and undocks, with further keys."""
+    return Scene.model_validate(
+        {
+            "name": "pair",
+            "units": {"a": {"number": 0}, "b": {"number": 1}},
+            "assembled": ["b.front-a.rear"],
+            "plan": [{"undock": "b"}],
+            "cameras": {"overhead": {}},
+            **keys,
+        }
+    )

@@ -12,7 +12,7 @@ from msrr_scenes.errors import ProgramFailedError, SceneError
 from msrr_scenes.messages import Action, Belief, Conviction, Exposure, Phase, Twist, WheelOdometry
 from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg, UnitMode
 from msrr_scenes.specs.plan import DockStep
-from msrr_scenes.specs.scene import Scene
+from tests.bullet.robot.conftest import locked_pair
 
 FAILURE = ProgramFailedError("controller 'mine:Law', mine.py line 3: step returned None; expected a Twist")
 EXPOSURE = Exposure("a/onboard", 0, 0)
@@ -105,16 +105,7 @@ def test_a_locked_unit_whose_program_fails_still_says_where_it_hangs(
     """Else the base station takes its holder for one that carries nobody, and may let it drive away."""
     (tmp_path / "unbuildable.py").write_text(UNBUILDABLE)
     monkeypatch.syspath_prepend(str(tmp_path))
-    scene = Scene.model_validate(
-        {
-            "name": "pair",
-            "units": {"a": {"number": 0}, "b": {"number": 1}},
-            "assembled": ["b.front-a.rear"],
-            "plan": [{"undock": "b"}],
-            "cameras": {"overhead": {}},
-            "control": {"docking": "unbuildable:Law"},
-        }
-    )
+    scene = locked_pair(control={"docking": "unbuildable:Law"})
     unit = led_robot(scene, "b")
     leg = RouteLeg(LegKind.BACK, (0.0, 0.0, 0.0), (), (), 0.0, 0.3)
     unit.authorise(Authority("b", 1, 1, 0, 3_000_000_000, leg.end, (leg,), None, True))

@@ -13,6 +13,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import OVERHEAD, GlobalPose, Phase, Twist, WheelOdometry
 from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg, UnitMode
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.robot.conftest import locked_pair
 
 
 def test_a_route_without_legs_ends_where_the_unit_stands() -> None:
@@ -91,15 +92,7 @@ def test_a_route_is_reported_from_its_first_command_to_its_end() -> None:
 
 @pytest.mark.parametrize("share", [-1.0, 0.5, 1.0])
 def test_a_locked_unit_opens_its_lock_only_for_a_route_of_which_the_way_out_is_free(share: float) -> None:
-    scene = Scene.model_validate(
-        {
-            "name": "pair",
-            "units": {"a": {"number": 0}, "b": {"number": 1}},
-            "assembled": ["b.front-a.rear"],
-            "plan": [{"undock": "b"}],
-            "cameras": {"overhead": {}},
-        }
-    )
+    scene = locked_pair()
     unit, leg = GuidedUnit(scene, "b", "a.rear"), RouteLeg(LegKind.BACK, (0.0, 0.0, 0.0), (), (), 0.0, 0.3)
     limit = share * leg.end
     unit.authorise(Authority("b", 4, 1, 0, 60_000_000_000, limit, (leg,), None, True))
