@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -63,12 +63,23 @@ class ArenaMap(NamedTuple):
         X_WD: Dock frame of the target port.
         units: Middle and radius of every other unit, the target among them.
         obstacles: All known obstacles.
+        turns_at_end: Whether the unit may turn on the spot at the end, for there is no port in front of it.
     """
 
     X_WU: SE2
     X_WD: SE2
     units: tuple[Disc, ...]
     obstacles: tuple[ObstacleEstimate, ...]
+    turns_at_end: bool = False
+
+    def without_one(self, target: tuple[Disc, ...]) -> Iterator[tuple[str, ArenaMap]]:
+        """Yield each body but the target with the map of all others."""
+        for unit in self.units:
+            if unit not in target:
+                yield unit.name, self._replace(units=tuple(u for u in self.units if u is not unit))
+        for obstacle in self.obstacles:
+            others = tuple(o for o in self.obstacles if o is not obstacle)
+            yield obstacle.name, self._replace(obstacles=others)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +89,9 @@ class Route:
     Attributes:
         path: Path of the controlled point; it begins in the middle of the axle.
         shape: ``arc``: one circle and the lead-in; ``around``: lines and arcs around obstacles; ``staged``:
-            to a place from which the rest is planned again, after a turn on the spot; ``granted``: the path
-            of a leg that a base station has granted.
+            to a place from which the rest is planned again, after a turn on the spot; ``turned``: to the
+            end on whatever heading, and a turn on the spot there; ``granted``: the path of a leg that a base
+            station has granted.
         sides: Side on which each obstacle that is left to a wall is passed, -1 right, +1 left, by name.
         seconds: Expected duration [s].
     """

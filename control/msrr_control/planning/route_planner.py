@@ -10,7 +10,7 @@ import numpy as np
 
 from msrr_control.path_following.path import PaceSpec, Path
 from msrr_control.path_following.walls import Encounter, WallSpec, find_encounter
-from msrr_control.planning.free_space import Bounds, Disc, FreeSpace
+from msrr_control.planning.free_space import Bounds, FreeSpace
 from msrr_control.planning.margins import SPACING_M, Margins
 from msrr_control.planning.route import ARENA_BORDER, ArenaMap, Route, RouteSpec
 from msrr_control.planning.tangents import Goal, shortest_path
@@ -29,6 +29,9 @@ _BESIDE_WALL_M = 0.02
 
 #: Distance from a place to turn up to which a unit stands there already [m].
 _THERE_M = 0.1
+
+#: Directions of arrival that are tried where the unit turns at the end and cannot come straight [rad].
+_ARRIVALS = tuple(0.25 * math.pi * k for k in range(8))
 
 #: Number of points by which a line is checked for being free.
 _POINTS = 40
@@ -92,7 +95,9 @@ class RoutePlanner:
         if not routes:
             # Where a unit has turned near the border, the error of its stop may have used up the room.
             routes = [*self._arcs(arena, self.spec.short_lead_in_m)][:1]
-        return min(routes, key=lambda r: r.seconds) if routes else None
+        if routes:
+            return min(routes, key=lambda r: r.seconds)
+        return self._turned_route(arena, margin) if arena.turns_at_end else None
 
     def obstruction(self, arena: ArenaMap, end: str = "the place in front of the port") -> str:
         """Return what leaves no route: the border if it alone leaves none, else a body.
@@ -107,7 +112,7 @@ class RoutePlanner:
         target = tuple(u for u in arena.units if math.hypot(u.x - X_WD.x, u.y - X_WD.y) <= u.radius)
         if self.plan(arena._replace(units=target, obstacles=())) is None:
             return f"{self._border} leaves no room to turn before {end}"
-        alone = [name for name, others in _without_one(arena, target) if self.plan(others) is not None]
+        alone = [name for name, others in arena.without_one(target) if self.plan(others) is not None]
         space = self.margins.free_space(arena, map(self.margins.obstacle_disc, arena.obstacles))
         place = self.spec.handover(arena.X_WD).translation
         for points, where in (
@@ -244,6 +249,22 @@ class RoutePlanner:
             turn = abs(wrap_angle(X_WP.yaw - heading)) / self.spec.turn_radps
             yield self._route(path, "staged", arena, seconds_after=turn + self._travel_time(distance))
 
+    def _turned_route(self, arena: ArenaMap, margin: float) -> Route | None:
+        """Return a route to the end on whatever heading, for a unit that turns there; None if there is none.
+
+        Where its controlled point keeps out of all discs on a way that stops there, the unit can turn.
+        """
+        space = self.margins.free_space(arena, [self.margins.around_disc(o, margin) for o in arena.obstacles])
+        X_WP, l = self.spec.handover(arena.X_WD) @ SE2(-self.offset, 0.0, 0.0), self.offset
+        goals, radius = [Goal(X_WP.x, X_WP.y)], max(min(self.spec.turn_radius_m), 2.0 * l)
+        for X_WB in (SE2(X_WP.x, X_WP.y, yaw) @ SE2(-l, 0.0, 0.0) for yaw in _ARRIVALS):
+            goals.append(Goal(X_WB.x, X_WB.y, X_WB.yaw, radius))  # l before the end: the axle trails
+        for goal in goals:
+            path = self._path_around(space, arena, goal, l if goal.heading is None else 2.0 * l)
+            if path is not None:
+                return self._route(path, "turned", arena)
+        return None
+
     def _path_around(self, space: FreeSpace, arena: ArenaMap, goal: Goal, straight: float) -> Path | None:
         """Return the shortest path to a goal and ``straight`` [m] beyond it, None if it is not free."""
         shortest = shortest_path(space, (arena.X_WU.x, arena.X_WU.y), goal)
@@ -269,13 +290,3 @@ class RoutePlanner:
     def _travel_time(self, length: float) -> float:
         """Return the time [s] for a path of that length [m] from rest to rest."""
         return length / self._pace.cruise_mps + self._pace.ramp_s
-
-
-def _without_one(arena: ArenaMap, target: tuple[Disc, ...]) -> Iterator[tuple[str, ArenaMap]]:
-    """Yield each body but the target with the map of all others."""
-    for unit in arena.units:
-        if unit not in target:
-            yield unit.name, arena._replace(units=tuple(u for u in arena.units if u is not unit))
-    for obstacle in arena.obstacles:
-        others = tuple(o for o in arena.obstacles if o is not obstacle)
-        yield obstacle.name, arena._replace(obstacles=others)

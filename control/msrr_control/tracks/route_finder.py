@@ -273,7 +273,7 @@ class RouteFinder:
     def _arena(self, builder: TrackBuilder, X_WE: SE2, request: RouteRequest) -> ArenaMap:
         """Return what the planner is told of a route from where the builder stands."""
         X_WD = X_WE @ SE2(self.body.offset + (0.0 if request.dock else self.spec.handover_m), 0.0, 0.0)
-        return ArenaMap(builder.pose, X_WD, self._discs(request), request.obstacles)
+        return ArenaMap(builder.pose, X_WD, self._discs(request), request.obstacles, not request.dock)
 
     def _discs(self, request: RouteRequest) -> tuple[Disc, ...]:
         """Return the circles about the units that stand there."""

@@ -150,6 +150,29 @@ def test_a_unit_that_stands_where_it_is_to_be_only_turns(setup: CoordinationSetu
     assert docks.legs[-1].kind is LegKind.DOCK
 
 
+def test_beside_the_border_a_unit_turns_where_it_is_to_stand(setup: CoordinationSetup) -> None:
+    """There is no room for a lead-in on the heading of the end, and in the open none is needed."""
+    finder, rng = setup.finder, np.random.default_rng(0)
+    x1, y1 = finder.box[1] - finder.spec.border_m, finder.box[3] - 0.3
+    for _ in range(60):
+        X_WU = SE2(rng.uniform(-1.0, 1.0), rng.uniform(-1.0, 1.0), rng.uniform(-math.pi, math.pi))
+        goal = SE2(x1 - rng.uniform(0.0, 0.3), rng.uniform(-y1, y1), rng.uniform(-math.pi, math.pi))
+        track = finder.find(RouteRequest(X_WU, goal))
+        assert track is not None, (X_WU, goal)
+        off = goal.inverse() @ track.end
+        assert math.hypot(off.x, off.y) < 0.01
+        assert abs(off.yaw) < 1e-3
+        assert track.poses[:, 0].max() < x1 + 0.01
+    post = ObstacleEstimate("post", 0, SE2(x1 - 0.45, 0.0, 0.0), np.eye(3) * 1e-6, 0.08)
+    standing = [Standing("other", SE2(x1, -0.5, 0.0), False)]
+    goal = SE2(x1, 0.0, math.pi)
+    track = finder.find(RouteRequest(SE2(-1.0, 0.0, 0.0), goal, standing, (post,)))
+    assert track is not None
+    gaps = finder.body.gaps_to_disc(track.poses, post.X_WB.x, post.X_WB.y, post.radius)
+    assert gaps.min() > 0.045
+    assert finder.contact(track, standing) is None
+
+
 def test_an_obstacle_in_a_lane_counts_until_the_unit_has_passed_it(setup: CoordinationSetup) -> None:
     builder = TrackBuilder(SE2(-1.2, 0.0, 0.0), setup.lanes.body.offset)
     builder.ahead(0.5)
