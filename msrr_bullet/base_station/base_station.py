@@ -144,30 +144,36 @@ def check_mission(scene: Scene) -> None:
     mission = mission_of(scene)
     setup = coordination_setup(scene)
     x0, x1, y0, y1 = setup.finder.box
+    room = setup.lanes.spec.border_m
     if mission.shape is None:
         try:
             plan_tasks(mission.steps, mission.holders, setup.lanes)
         except SceneError as error:
             raise SceneError(f"plan: {error}") from error
     for k, step in enumerate(mission.steps):
-        if isinstance(step, MoveStep) and not (x0 <= step.pose.x_m <= x1 and y0 <= step.pose.y_m <= y1):
+        if not isinstance(step, MoveStep):
+            continue
+        x, y = step.pose.x_m, step.pose.y_m
+        if not (x0 + room <= x <= x1 - room and y0 + room <= y <= y1 - room):
             raise SceneError(
-                f"plan.{k}.pose: ({step.pose.x_m:g}, {step.pose.y_m:g}) lies outside of what the overhead "
-                f"camera sees of the arena: x from {x0:.2f} to {x1:.2f}, y from {y0:.2f} to {y1:.2f}; name "
-                "another place, or raise cameras.overhead.height_m"
+                f"plan.{k}.pose: ({x:g}, {y:g}) does not lie {room:g} m inside of what the overhead camera "
+                f"sees of the arena: x from {x0:.2f} to {x1:.2f}, y from {y0:.2f} to {y1:.2f}; name another "
+                "place, or raise cameras.overhead.height_m"
             )
+    shapes: list[Shape] = []
     for k in range(len(scene.shape or ())):
         assert mission.shape is not None
+        shapes.append(mission.shape)
         key = dotted(scene.shape_key(k))
         try:
             shape_tasks(mission.shape, setup.lanes)
         except SceneError as error:
             raise SceneError(f"{key}: {error}") from error
         # An assembly takes another shape where it stands, which is not known here.
-        anywhere = k == 0 and not scene.assembled
-        if anywhere and not fits(mission.shape, setup.lanes, setup.finder.box):
+        if not scene.assembled and not fits(shapes, setup.lanes, setup.finder.box):
+            with_root = " with its root where the shapes before it fit" if k else ""
             raise SceneError(
-                f"{key}: the shape and the lanes to it do not fit into the {x1 - x0:.2f} m by "
+                f"{key}: the shape and the lanes to it do not fit{with_root} into the {x1 - x0:.2f} m by "
                 f"{y1 - y0:.2f} m of the arena that the overhead camera sees; take fewer units, enlarge the "
                 "arena, or raise cameras.overhead.height_m"
             )

@@ -101,16 +101,17 @@ def place_costs(units: Array, places: Array, travel: Travel) -> Array:
     return travel.times(units[:, None], before[..., None, :, :])
 
 
-def fits(shape: Shape, lanes: Lanes, box: Bounds) -> bool:
-    """Return whether a shape and the lanes to it fit into an empty arena, on the grid of the root's poses.
+def fits(shapes: Iterable[Shape], lanes: Lanes, box: Bounds) -> bool:
+    """Return whether shapes and the lanes to them fit into an empty arena, on the grid of the root's poses.
 
     Args:
-        shape: The shape.
+        shapes: Shapes that are built one from the other, with the same root.
         lanes: Lanes of the units.
         box: Where the axle may be and is seen: x low, x high, y low, y high [m].
     """
-    places = _places(shape, _root_candidates(np.zeros((0, 3)), box), lanes)
-    return bool(_fit(places, lanes, box, ()).any())
+    roots = _root_candidates(np.zeros((0, 3)), box)
+    each = [_fit(_places(shape, roots, lanes), lanes, box, ()) for shape in shapes]
+    return bool(np.logical_and.reduce(each).any())
 
 
 def embedding(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -101,17 +102,36 @@ FACING = "{p0: root, p1: p0.right, p2: p0.left, p3: p1.right, p4: p2.left, p5: p
         ("{named: true, tree: {a: root, z: a.rear}}", ":11:38: shape.tree.z: no unit named 'z'"),
         ("line: 8", ":11:9: shape.line: 8 places, but 7 units; add units"),
         ("line: 6", "shape.line: the shape and the lanes to it do not fit into the 2.00 m by 1.40 m"),
+        ("[{zigzag: 2}, {line: 2}, {line: 3}]", "a line of 3 is not built from an assembly of 2 units"),
+        (
+            "[{line: 3}, {tree: {p: root, q: p.left, r: p.right}}]",
+            "shape.1.tree: the shape and the lanes to it do not fit with its root where the shapes before it",
+        ),
     ],
 )
 def test_a_shape_that_cannot_be_built_is_refused_with_key_reason_and_mend(
     shape: str, says: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "shape.yaml"
-    path.write_text(f"{SHAPES.strip()}\nshape: {shape if shape[0] == '{' else '{' + shape + '}'}\n".lstrip())
+    path.write_text(f"{SHAPES.strip()}\nshape: {shape if shape[0] in '{[' else '{' + shape + '}'}\n".lstrip())
     with pytest.raises(SceneError) as caught:
         check_trial(load_scene(path, {"plant": "unicycle", "perception": "parametric"}))
     assert says in str(caught.value)
     assert "shape.yaml" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("x_m", "says"), [(0.85, ""), (0.95, "plan.0.pose: (0.95, 0) does not lie 0.1 m inside")]
+)
+def test_a_place_at_which_no_route_can_end_is_refused(x_m: float, says: str, tmp_path: Path) -> None:
+    path = tmp_path / "move.yaml"
+    path.write_text(f"{SHAPES.strip()}\nplan: [{{move: a, pose: {{x_m: {x_m}}}}}]\n")
+    scene = load_scene(path, {"plant": "unicycle", "perception": "parametric"})
+    if not says:
+        check_trial(scene)
+        return
+    with pytest.raises(SceneError, match=re.escape(says)):
+        check_trial(scene)
 
 
 CHAIN = "b.front-a.rear, c.front-b.rear"
