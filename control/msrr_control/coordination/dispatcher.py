@@ -12,7 +12,7 @@ from msrr_control.coordination.assigner import Assigner
 from msrr_control.coordination.interlock import Interlock, clear_of_tracks
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
-from msrr_control.coordination.target_place import place_of_target
+from msrr_control.coordination.target_place import later_ones_fit, place_of_target
 from msrr_control.coordination.task_ends import TaskEnds
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.coordination.waiting_places import WAITING_ROOM_M, waiting_places
@@ -160,7 +160,8 @@ class Dispatcher:
         """Send one idle unit out of the way of the first task that has no route; return whether one goes.
 
         One that stands in nobody's lane is sent away only where a route may come of it: first the nearest one
-        without which there is a route; if there is none, the nearest, because it may take several.
+        without which there is a route; if there is none, the nearest, because it may take several. Last comes
+        the unit of the task itself, if it has a route from elsewhere.
         """
         for task in tasks.ready():
             assigned = self.assigner.assignment(tasks).get(task.name)
@@ -182,8 +183,7 @@ class Dispatcher:
                 if unit.name not in partners
                 and any(self._setup.lanes.closed_by(X_WE, unit.pose) for X_WE in lanes)
             ]
-            own = [unit for unit in idle if unit.name == assigned]
-            if any(self._evade(unit, tasks, now_ns) for unit in [*in_the_way, *own]):
+            if any(self._evade(unit, tasks, now_ns) for unit in in_the_way):
                 return True
             rest = [unit for unit in idle if unit not in in_the_way and unit.name not in partners]
             if rest and self._reaches(self._units[assigned], task, tasks):
@@ -193,6 +193,9 @@ class Dispatcher:
                 rest.sort(key=lambda u: u is not alone)
                 if any(self._evade(unit, tasks, now_ns) for unit in rest):
                     return True
+            own = [unit for unit in idle if unit.name == assigned]
+            if any(self._evade(unit, tasks, now_ns, task) for unit in own):
+                return True
         return False
 
     def _moves_target(self, target: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
@@ -205,9 +208,11 @@ class Dispatcher:
         idle = target in self.assigner.idle() and target.evasions < _EVASIONS
         if not docks or carries or not idle:
             return False
-        if all(t.unit is None or self._reaches(self._units[t.unit], t, tasks) for t in docks):
+        there = tasks.open, self._units, self._setup, self.ends.obstacles
+        reach = all(t.unit is None or self._reaches(self._units[t.unit], t, tasks) for t in docks)
+        if reach and later_ones_fit(target, *there):
             return False
-        X_WR = place_of_target(target, tasks.open, self._units, self._setup, self.ends.obstacles)
+        X_WR = place_of_target(target, *there)
         if X_WR is None or not self._grant(target, X_WR, None, now_ns):
             return False
         target.task, target.evasions = None, target.evasions + 1
@@ -219,7 +224,14 @@ class Dispatcher:
         led = [u for u in self._units.values() if u.under_way and u.enters and u.enters[0] == target.name]
         return not target.under_way and not all(self._interlock.holds(target, unit) for unit in led)
 
-    def _reaches(self, unit: UnitRecord, task: Task, tasks: TaskList, gone: UnitRecord | None = None) -> bool:
+    def _reaches(
+        self,
+        unit: UnitRecord,
+        task: Task,
+        tasks: TaskList,
+        gone: UnitRecord | None = None,
+        X_WU: SE2 | None = None,
+    ) -> bool:
         """Return whether a unit would reach the end of a task if another one was gone.
 
         Args:
@@ -227,6 +239,7 @@ class Dispatcher:
             task: The task.
             tasks: All tasks.
             gone: The other one; None for all others that can drive away.
+            X_WU: Where the unit sets out; None for where it stands.
         """
         X_WE, enters = self.ends.pose_of(task, tasks), self.ends.port_of(task)
         if X_WE is None or unit.X_WU is None:
@@ -240,10 +253,18 @@ class Dispatcher:
         }
         away -= {request.leaves, request.enters}
         kept = [s for s in request.standing if s.name not in away]
-        return self._setup.finder.find(replace(request, standing=kept)) is not None
+        request = replace(request, X_WU=X_WU or request.X_WU, standing=kept)
+        return self._setup.finder.find(request) is not None
 
-    def _evade(self, unit: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
-        """Send a unit to a waiting place; return whether it goes."""
+    def _evade(self, unit: UnitRecord, tasks: TaskList, now_ns: int, task: Task | None = None) -> bool:
+        """Send a unit to a waiting place; return whether it goes.
+
+        Args:
+            unit: The unit.
+            tasks: All tasks.
+            now_ns: Time [ns].
+            task: What the unit has to reach from there, if others drive away; None for nothing.
+        """
         assigned = self.assigner.assignment(tasks)
         open_poses = [
             X for task in tasks.open for X in self.ends.lanes_of(task, tasks, assigned.get(task.name))
@@ -257,7 +278,10 @@ class Dispatcher:
         for k in nearest[:_WAITING_PLACES]:
             x, y = places[k].tolist()
             yaw = math.atan2(y - unit.pose.y, x - unit.pose.x)
-            if self._grant(unit, SE2(x, y, yaw), None, now_ns):
+            X_WE = SE2(x, y, yaw)
+            if task is not None and not self._reaches(unit, task, tasks, X_WU=X_WE):
+                continue
+            if self._grant(unit, X_WE, None, now_ns):
                 unit.task, unit.evasions = None, unit.evasions + 1
                 unit.reason = "makes way"
                 return True

@@ -114,6 +114,23 @@ def fits(shapes: Iterable[Shape], lanes: Lanes, box: Bounds) -> bool:
     return bool(np.logical_and.reduce(each).any())
 
 
+def grandchildren_fit(
+    shape: Shape, X_WR: SE2, lanes: Lanes, box: Bounds, keep_out: Sequence[tuple[float, float, float]]
+) -> bool:
+    """Return whether all that docks to what docks to the root of a shape fits, with the lanes to it.
+
+    Args:
+        shape: The shape.
+        X_WR: Pose of its root.
+        lanes: Lanes of the units.
+        box: Where the axle may be and is seen: x low, x high, y low, y high [m].
+        keep_out: Bodies that will not move: x, y and the radius of each [m].
+    """
+    deep = [k for k, place in enumerate(shape.places) if place.parent not in (None, shape.root.name)]
+    places = _places(shape, X_WR.as_array()[None], lanes)[:, [0, *deep]]
+    return not deep or bool(_fit(places, lanes, box, keep_out).all())
+
+
 def embedding(
     shape: Shape,
     units: Mapping[str, SE2],

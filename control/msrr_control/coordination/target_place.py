@@ -6,9 +6,9 @@ port there may be the border of the arena, or an obstacle.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
-from msrr_control.coordination.embedding import embedding
+from msrr_control.coordination.embedding import embedding, grandchildren_fit
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.shapes.shape import Place, Shape
@@ -38,12 +38,7 @@ def place_of_target(
     if any(unit.X_WU is None for unit in there.values()):
         return None
     lanes = setup.lanes
-    keep_out = [
-        (unit.pose.x, unit.pose.y, lanes.body.radius)
-        for unit in units.values()
-        if unit.X_WU is not None and unit.name not in there
-    ]
-    keep_out += [(obstacle.X_WB.x, obstacle.X_WB.y, obstacle.radius) for obstacle in obstacles]
+    keep_out = _keep_out([unit for name, unit in units.items() if name not in there], obstacles, setup)
     poses = {name: unit.pose for name, unit in there.items()}
     found = embedding(shape, poses, lanes, setup.finder.box, setup.travel, named=True, keep_out=keep_out)
     if found is None:
@@ -53,10 +48,45 @@ def place_of_target(
     return None if stays else found.X_WR
 
 
+def later_ones_fit(
+    target: UnitRecord,
+    tasks: Sequence[Task],
+    units: Mapping[str, UnitRecord],
+    setup: CoordinationSetup,
+    obstacles: Sequence[ObstacleEstimate],
+) -> bool:
+    """Return whether those that are to dock to what docks to a target can do so where the target stands.
+
+    Nobody can ask for a route to them yet, and once the first unit has docked to the target it stays there.
+
+    Args:
+        target: Unit that carries nobody.
+        tasks: Tasks that are open.
+        units: All units.
+        setup: Lanes of the units, and the arena.
+        obstacles: Obstacles that have been seen.
+    """
+    shape = _tree(target.name, tasks)
+    stay = [u for u in units.values() if u.name not in shape.by_name and (u.docks or u.out_of_action)]
+    keep_out = _keep_out(stay, obstacles, setup)
+    return grandchildren_fit(shape, target.pose, setup.lanes, setup.finder.box, keep_out)
+
+
+def _keep_out(
+    units: Iterable[UnitRecord], obstacles: Iterable[ObstacleEstimate], setup: CoordinationSetup
+) -> list[tuple[float, float, float]]:
+    """Return the circles about units, where they stand or will stand, and about obstacles."""
+    seen = [unit.destination for unit in units if unit.X_WU is not None]
+    circles = [(X.x, X.y, setup.lanes.body.radius) for X in seen]
+    return circles + [(obstacle.X_WB.x, obstacle.X_WB.y, obstacle.radius) for obstacle in obstacles]
+
+
 def _tree(root: str, tasks: Sequence[Task]) -> Shape:
-    """Return the shape of all that is to dock to a unit, and to what docks to it."""
+    """Return the shape of all that is to dock to a unit, and to those that dock there and do nothing else."""
     places = [Place(root)]
     for place in places:  # the list grows while it is walked
+        if place.parent is not None and sum(task.unit == place.name for task in tasks) > 1:
+            continue
         for task in tasks:
             taken = {p.name for p in places}
             docks = task.kind is TaskKind.DOCK and task.parent_unit == place.name

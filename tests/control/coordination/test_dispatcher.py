@@ -151,8 +151,16 @@ def test_one_that_stands_in_no_lane_is_sent_away_only_where_that_opens_a_route(
     assert base.dispatch()
     assert base.under_way == {"c": None}
     closed = _boxed_in(setup)
-    closed.dispatch(_post(0.0, 0.9, 0.3))
-    assert not closed.under_way.keys() & {"c", "d"}
+    assert not closed.dispatch(_post(0.0, 0.9, 0.3)), "nobody, for no route leads there from anywhere"
+
+
+def test_whoever_stands_in_the_only_way_goes_before_the_unit_of_the_task(setup: CoordinationSetup) -> None:
+    """The unit of the task drove back and forth three times before the other one was sent away."""
+    wall = [_post(-0.6, y, 0.15) for y in (-1.35, -1.0, -0.65, -0.4, 0.4, 0.65, 1.0, 1.35)]
+    task = Task("a", TaskKind.MOVE, "a", pose=SE2(1.5, 0.9, 0.0))
+    base = Base(setup, _units(a=SE2(-1.4, 0.2, 0.0), c=SE2(-0.35, 0.0, 1.0)), [task])
+    assert base.dispatch(*wall)
+    assert base.under_way == {"c": None}
 
 
 def _at_border(setup: CoordinationSetup, **others: SE2) -> Base:
@@ -175,6 +183,22 @@ def test_a_target_goes_to_where_its_port_can_be_reached(setup: CoordinationSetup
     assert y0 < end.y < y1
 
 
+def test_a_target_goes_to_where_those_can_dock_who_dock_to_the_first(setup: CoordinationSetup) -> None:
+    """Once the first has docked, the target stays: the next one had the border in front of its port."""
+    then = Task("c to a", TaskKind.DOCK, "c", parent_unit="a", port="left", after=(DOCK.name,))
+    units = _units(a=SE2(-1.4, 0.9, 0.0), b=SE2(0.8, 1.1, 0.0), c=SE2(-1.0, -0.9, 0.0))
+    base = Base(setup, units, [DOCK, then])
+    assert base.dispatch()
+    assert base.under_way.keys() == {"a", "b"}
+    body, (_, _, _, y1) = setup.lanes.body, setup.finder.box
+    end = setup.lanes.end(body.docked(body.docked(units["b"].destination, "rear"), "left"))
+    assert end.y < y1
+    leaves = Task("a", TaskKind.MOVE, "a", pose=SE2(-1.4, 0.9, 0.0), after=(DOCK.name,))
+    base = Base(setup, _units(**{name: unit.pose for name, unit in units.items()}), [DOCK, leaves, then])
+    assert base.dispatch()
+    assert base.under_way == {"a": DOCK.name}, "nobody knows where a is by then"
+
+
 def test_a_target_stays_where_it_carries_others_or_has_moved_in_vain(setup: CoordinationSetup) -> None:
     seat = setup.lanes.body.docked(SE2(-1.6, 0.0, 0.0), "left")
     carries = _at_border(setup, c=seat)
@@ -182,8 +206,7 @@ def test_a_target_stays_where_it_carries_others_or_has_moved_in_vain(setup: Coor
     tired = _at_border(setup)
     tired.units["b"].evasions = TIRED
     for base in (carries, tired):
-        base.dispatch()
-        assert "b" not in base.under_way
+        assert not base.dispatch(), "a would not reach the port from elsewhere, either"
 
 
 def test_a_target_whose_port_can_be_reached_stays_whoever_stands_there(setup: CoordinationSetup) -> None:

@@ -12,6 +12,7 @@ from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.target_place import place_of_target
 from msrr_control.shapes.tasks import Task, TaskKind
+from msrr_control.tracks.track import standing
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
 
@@ -68,6 +69,9 @@ def test_a_target_goes_to_where_nobody_stands_in_its_lanes(setup: CoordinationSe
         leg = [X @ SE2(-0.2 - 0.05 * k, 0.0, 0.0) for k in range(15)]
         near = min(math.hypot(X.x - in_lane.x, X.y - in_lane.y) for X in leg)
         assert near > 0.1 + setup.lanes.body.half_width
+    units = _units(a=A, b=SE2(), d=SE2(-1.5, -1.0, 0.0))
+    units["d"].set_out(standing(in_lane), None, 1, 0)  # it will stand there
+    assert place_of_target(units["b"], [task], units, setup, ()) != best
     everywhere = (replace(post, radius=9.0),)
     assert place_of_target(alone["b"], [task], alone, setup, everywhere) is None
 
