@@ -74,6 +74,8 @@ class Stay(NamedTuple):
         ends: Task that begins here; None if the unit stays.
         port: Port ``<unit>.<port>`` in which it is; empty in the open.
         may_make_way: Whether the unit can be sent out of the way.
+        carrier: Unit that stands free and carries this one, maybe through others, with the task by which it
+            came there; None for one that stands free itself.
     """
 
     unit: str
@@ -83,6 +85,12 @@ class Stay(NamedTuple):
     ends: str | None = None
     port: str = ""
     may_make_way: bool = False
+    carrier: tuple[str, str | None] | None = None
+
+    @property
+    def base(self) -> tuple[str, str | None]:
+        """The carrier of a unit that docks to this one."""
+        return self.carrier or (self.unit, self.begins)
 
 
 def precede(before: dict[str, list[str]], stays: Sequence[Stay], lanes: Lanes) -> list[tuple[Stay, str]]:
@@ -109,11 +117,12 @@ def precede(before: dict[str, list[str]], stays: Sequence[Stay], lanes: Lanes) -
         others = [o for o in stays if o.frame == stay.frame and o.unit not in (stay.unit, holder)]
         closes = lanes.closes(stay.pose, np.array([o.pose.as_array() for o in others]).reshape(-1, 3))
         for other in (o for o, does in zip(others, closes, strict=True) if does):
+            carries = (other.unit, other.begins) == stay.carrier  # it cannot drive away from below
             if other.begins is not None and other.begins not in _ancestors(before, task):
                 before[other.begins].append(task)
-            elif other.may_make_way:
+            elif other.may_make_way and not carries:
                 continue
-            elif other.ends is not None and task not in _ancestors(before, other.ends):
+            elif other.ends is not None and not carries and task not in _ancestors(before, other.ends):
                 before[task].append(other.ends)
             elif task == stay.begins and other.port != stay.port:  # whose port it is shows when one is in it
                 conflicts.append((other, task))

@@ -175,9 +175,11 @@ def _stays(
         if not holder:
             return Stay(unit, *(("", there[unit]) if unit in there else (unit, SE2())), may_make_way=True)
         base = start(holder)
-        return Stay(unit, base.frame, body.docked(base.pose, port), port=holders[unit])
+        pose = body.docked(base.pose, port)
+        return Stay(unit, base.frame, pose, port=holders[unit], carrier=base.base)
 
-    here = {unit: start(unit) for unit in [*there, *holders]}
+    holding = [port.partition(".")[0] for port in holders.values()]
+    here = {unit: start(unit) for unit in [*there, *holders, *holding]}
     left = []
     for step in steps:
         label, unit = step.label, step.unit
@@ -185,7 +187,7 @@ def _stays(
         if isinstance(step, DockStep):
             base = here.setdefault(step.target_unit, start(step.target_unit))
             pose = body.docked(base.pose, step.target_port)
-            here[unit] = Stay(unit, base.frame, pose, label, port=step.to)
+            here[unit] = Stay(unit, base.frame, pose, label, port=step.to, carrier=base.base)
         elif isinstance(step, UndockStep):
             here[unit] = Stay(unit, f"after {label}", SE2(), label, may_make_way=True)
         else:

@@ -145,6 +145,24 @@ def test_an_order_that_closes_a_lane_is_refused_and_the_steps_are_named(wide: Co
     assert [task.name for task in plan_tasks(steps, held, wide.lanes)] == ["u7", "u3"]
 
 
+def test_a_unit_that_carries_others_makes_way_for_none_of_them(wide: CoordinationSetup) -> None:
+    """Two units bend back beside it, and a third one has to come from where it stands."""
+    moves = MoveStep(move="d", pose=PoseSpec(x_m=0.5), after=())
+    g, b, e = (
+        DockStep(unit=unit, to=to, after=())
+        for unit, to in (("g", "d.rear"), ("b", "g.left"), ("e", "b.left"))
+    )
+    for steps, held, since in (
+        ([g, b, e], {}, "the start"),
+        ([e], {"g": "d.rear", "b": "g.left"}, "the start"),
+        ([moves, g, b, e], {}, "step 'd'"),
+    ):
+        with pytest.raises(SceneError, match=f"'e' cannot be done: 'd' stands in the lane .* since {since}"):
+            plan_tasks(steps, held, wide.lanes)
+    beside = DockStep(unit="e", to="b.right", after=())
+    assert [task.name for task in plan_tasks([moves, g, b, beside], {}, wide.lanes)] == ["d", "g", "b", "e"]
+
+
 def test_a_unit_that_leaves_goes_before_one_that_docks_behind_it(
     rig: type[Rig], wide: CoordinationSetup
 ) -> None:
