@@ -12,15 +12,21 @@ from msrr_control.shapes.precedence import Lanes
 from msrr_control.shapes.shape import LEAST_GAP_M
 from msrr_scenes.geometry.se2 import SE2
 
+#: Shortest way straight back out of a port [m].
+LEAST_WAY_OUT_M = 0.30
+
+#: Distance by which a unit may come farther out of the box on it [m].
+_SLACK_M = 1e-3
+
 #: Poses on the way out of a port that has to be free, from the seat.
 _WAY_OUT = np.array([[-0.04 * k, 0.0, 0.0] for k in range(13)])
 
 
 class HopRules:
-    """Says which hops can be made: every one of them can be made backwards, too.
+    """Says which hops can be made; most of them can be made backwards, too.
 
-    A unit leaves its place if it carries nobody and the way out is free, and it enters a place of which the
-    holder is there, the lane is free and lies in the box.
+    A unit leaves its place if it carries nobody, the way out is free and leads no farther out of the box, and
+    it enters a place of which the holder is there, the lane is free and lies in the box.
     """
 
     def __init__(self, lanes: Lanes, X_WR: SE2, box: Bounds) -> None:
@@ -34,6 +40,7 @@ class HopRules:
         self._lanes, self._box = lanes, box
         self._poses: dict[Ports, SE2] = {(): X_WR}
         self._inside: dict[Ports, bool] = {}
+        self._leads_out: dict[Ports, bool] = {}
         self._pairs: dict[tuple[Ports, Ports], tuple[bool, bool]] = {}
         self._relative: dict[tuple[float, float, float], tuple[bool, bool]] = {}
 
@@ -84,8 +91,17 @@ class HopRules:
         """Return whether a unit in another place blocks the way out of a place."""
         return other != place[:-1] and self._blocks(place, other)[0]
 
+    def _leaves_box(self, place: Ports) -> bool:
+        """Return whether the shortest way out of a place leads farther out of the box than the place is."""
+        if place not in self._leads_out:
+            (x0, x1, y0, y1), X = self._box, self.pose(place)
+            ends = X, X @ SE2(-LEAST_WAY_OUT_M, 0.0, 0.0)
+            here, there = (max(x0 - end.x, end.x - x1, y0 - end.y, end.y - y1) for end in ends)
+            self._leads_out[place] = there > max(here, 0.0) + _SLACK_M
+        return self._leads_out[place]
+
     def _may_leave(self, leaf: Ports, taken: Mapping[Ports, str]) -> bool:
-        return not any(self.holds_in(leaf, p) for p in taken if p != leaf)
+        return not self._leaves_box(leaf) and not any(self.holds_in(leaf, p) for p in taken if p != leaf)
 
     def _may_enter(self, place: Ports, others: set[Ports]) -> bool:
         return self.fits(place) and not any(self.closes(place, p) for p in others)

@@ -28,7 +28,7 @@ def place_by_place(
 ) -> list[Hop] | None:
     """Return hops from one form to another; None if none were found this way.
 
-    Every hop can be made backwards, so that the way back is a way there: the shorter one is returned.
+    Where all hops can be made backwards, the way back is a way there, too: the shorter one is returned.
 
     Args:
         start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
@@ -37,7 +37,8 @@ def place_by_place(
     """
     there, back = _PlaceByPlace(goal, rules).hops(start), _PlaceByPlace(start, rules).hops(goal)
     back = None if back is None else [Hop(end, begin) for begin, end in reversed(back)]
-    found = (_shortened(hops, start, rules) for hops in (there, back) if hops is not None)
+    ways = [hops for hops in (there, back) if hops is not None and _can_be_made(hops, start, rules)]
+    found = (_shortened(hops, start, rules) for hops in ways)
     return min(found, key=len, default=None)
 
 

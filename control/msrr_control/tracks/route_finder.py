@@ -15,6 +15,7 @@ from msrr_control.planning.lane import in_lane
 from msrr_control.planning.route import ARENA_BORDER, ArenaMap
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.shapes.bodies import Body
+from msrr_control.shapes.hop_rules import LEAST_WAY_OUT_M
 from msrr_control.shapes.precedence import compose
 from msrr_control.tracks.route_params import RouteParams
 from msrr_control.tracks.route_request import RouteRequest, Standing
@@ -28,7 +29,7 @@ from msrr_scenes.messages.coordination import LegKind
 STANDS_THERE_M = 0.02
 
 #: Ways out of a port that are tried before a route is planned from there [m].
-BACK_OUT_M = (0.30, 0.45, 0.60)
+BACK_OUT_M = (LEAST_WAY_OUT_M, 0.45, 0.60)
 
 #: Ways straight ahead that are tried, in the open, before a route is planned from there [m].
 _AHEAD_M = (0.1, 0.2)

@@ -284,17 +284,26 @@ def test_a_place_and_its_lane_fit_in_a_box_that_just_holds_them(
     place, room = lanes.body.docked(X_WR, "left"), lanes.spec.border_m + lanes.body.offset
     x, y = zip(*((X.x, X.y) for X in (place, lanes.end(place))), strict=True)
     least = [min(x) - room, max(x) + room, min(y) - room, max(y) + room]
-    shape = Shape.from_tree({"a": "root", "b": "a.left"})
     for side, outwards in enumerate((-1.0, 1.0, -1.0, 1.0)):
         for off, fits in ((0.001, True), (-0.001, False)):
             box = [limit + 5.0 * way for limit, way in zip(least, (-1.0, 1.0, -1.0, 1.0), strict=True)]
             box[side] = least[side] + outwards * off
             x0, x1, y0, y1 = box
-            if fits:
-                assert reconfiguration_tasks({"b": "a.rear"}, shape, lanes, X_WR, (x0, x1, y0, y1))
-                continue
-            with pytest.raises(SceneError, match="do not fit into the arena"):
-                reconfiguration_tasks({"b": "a.rear"}, shape, lanes, X_WR, (x0, x1, y0, y1))
+            assert HopRules(lanes, X_WR, (x0, x1, y0, y1)).fits(("left",)) is fits
+
+
+def test_a_unit_with_the_border_behind_it_does_not_leave_its_place(setup: CoordinationSetup) -> None:
+    """The mission began, and the first unit could not back out; here another one goes where it can."""
+    lanes, limit = setup.lanes, -0.2 - 0.15
+    line = Shape.from_tree({"a": "root", "b": "a.left"})
+    with pytest.raises(SceneError, match="no order of leaving and docking again leads"):
+        reconfiguration_tasks({"b": "a.rear"}, line, lanes, SE2(), (limit, 9.0, -9.0, 9.0))
+    assert reconfiguration_tasks({"b": "a.rear"}, line, lanes, SE2(), (limit - 0.15, 9.0, -9.0, 9.0))
+    holders = {"b": "a.rear", "c": "a.left"}
+    wanted = Shape.from_tree({"a": "root", "b": "a.rear", "c": "a.right"})
+    for left in (limit, limit - 5.0):
+        tasks = reconfiguration_tasks(holders, wanted, lanes, SE2(), (left, 9.0, -9.0, 9.0))
+        assert [task.unit for task in tasks] == ["c"]
 
 
 def test_what_cannot_be_is_refused(setup: CoordinationSetup) -> None:
