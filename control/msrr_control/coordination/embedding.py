@@ -161,12 +161,12 @@ def embedding(
     roots = _root_candidates(poses, box)
     places = _places(shape, roots, lanes)
     fits = _fit(places, lanes, box, keep_out)
-    for other in later:
-        for slack in (_SLACK_M, 0.0):
-            both = fits & _fit(_places(other, roots, lanes), lanes, _shrunk(box, slack), keep_out)
+    following = [_places(other, roots, lanes) for other in later]
+    for slack in (0.0, _SLACK_M):  # that all of them fit comes before room to spare for any
+        for later_places in following:
+            both = fits & _fit(later_places, lanes, _shrunk(box, slack), keep_out)
             if both.any():
                 fits = both
-                break
     roots, places = roots[fits], places[fits]
     if not len(roots):
         return None

@@ -70,6 +70,23 @@ def test_a_shape_that_follows_fits_with_room_to_spare(setup: CoordinationSetup, 
             assert box[2] + room < X.y < box[3] - room
 
 
+def test_that_the_last_shape_fits_comes_before_room_to_spare_for_the_one_before(
+    setup: CoordinationSetup, starts: Starts
+) -> None:
+    """Where the tee had room to spare, there was none for the cross, and two shapes were built in vain."""
+    lanes, box = setup.lanes, (-2.8, 2.8, -1.35, 1.35)
+    posts = [(1.17, 0.053, 0.086), (0.896, -0.407, 0.079), (1.377, 0.978, 0.08)]
+    zigzag, *later = (build_pattern(name, 8) for name in ("zigzag", "tee", "cross"))
+    found = embedding(zigzag, starts(0, 8), lanes, box, setup.travel, keep_out=posts, later=later)
+    assert found is not None
+    room = lanes.spec.border_m + lanes.body.offset - 1e-6
+    for shape in (zigzag, *later):
+        poses = shape.poses(found.X_WR, lanes.body)
+        for X in (lanes.end(poses[place.name]) for place in shape.places[1:]):
+            assert box[0] + room < X.x < box[1] - room
+            assert box[2] + room < X.y < box[3] - room
+
+
 def test_where_the_best_place_is_taken_no_other_one_is_better(
     setup: CoordinationSetup, starts: Starts
 ) -> None:
