@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
@@ -55,6 +56,8 @@ class DockSetup:
         rate_hz: Control rate.
         link_latency_s: Time that a command takes to the drive.
         close_time_s: Time that the lock takes to close.
+        smear_mps: Speed across the line of sight at which a tag of the port moves by one module of its code
+            while the shutter of the camera is open [m/s].
 
     Raises:
         SceneError: The port does not lie ahead of the axle, or at contact the camera is beyond the
@@ -70,6 +73,7 @@ class DockSetup:
     rate_hz: float
     link_latency_s: float = 0.0
     close_time_s: float = 0.0
+    smear_mps: float = math.inf
 
     def __post_init__(self) -> None:
         if not self.offset > 0.0:
@@ -108,7 +112,29 @@ class DockSetup:
             rate_hz=scene.control.rate_hz,
             link_latency_s=1e-3 * scene.link.latency_ms,
             close_time_s=scene.lock.close_time_s,
+            smear_mps=_smear_mps(scene, step),
         )
+
+    def readable_turn(self, gap: float) -> float:
+        """Return the turn rate [rad/s] up to which the camera reads the tags of the port at a gap [m].
+
+        At that rate a tag moves by one module of its code while the shutter is open, which leaves 64 % of
+        the contrast of its finest pattern; at twice that rate nothing is left. As a camera turns, all tags
+        move by as many pixels, and the farther one is, the smaller are its modules: the focal length cancels
+        out.
+        """
+        distance = max(gap, 0.0) + self.offset - self.camera_offset + self.los.setback_m
+        return self.smear_mps / distance
+
+
+def _smear_mps(scene: Scene, step: DockStep) -> float:
+    """Return ``DockSetup.smear_mps`` for the largest tag of a port; infinite without pixels."""
+    exposure_s = 1e-3 * scene.cameras.onboard.exposure_ms
+    if scene.perception != "images" or exposure_s == 0.0:
+        return math.inf
+    slots = scene.geometry(step.target_unit).marker_slots(step.target_port)
+    largest = max((scene.tag_size(step.target_unit, slot) for slot in slots), default=math.inf)
+    return largest / scene.tags.tag_family.edge_modules / exposure_s
 
 
 State = TypeVar("State")

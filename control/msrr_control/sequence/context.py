@@ -117,6 +117,10 @@ class StateMemory:
         """Let the time without progress begin anew: nothing can be expected of the unit now."""
         self._best_ns = now_ns
 
+    def slowed(self, share: float, dt: float) -> None:
+        """Let the time without progress run by a share of ``dt`` [s]: the unit drives at that share only."""
+        self._best_ns += round(1e9 * (1.0 - share) * dt)
+
     def frames_in_a_row(self, exposed_ns: int, agrees: bool) -> int:
         """Count the frames exposed since the phase began that agree, from the last one that did not."""
         if exposed_ns > self._last_frame_ns:

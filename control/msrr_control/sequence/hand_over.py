@@ -21,7 +21,8 @@ def _what_was_read(c: DockingContext, unseen: float) -> str:
 
 def hand_over(c: DockingContext) -> Twist | Transition:
     """Wait for a certain estimate and a target inside the cone; search for a target that is not seen."""
-    view, memory, tuning, max_w = c.view, c.memory, c.tuning, c.setup.limits.w_max_radps
+    view, memory, tuning = c.view, c.memory, c.tuning
+    max_w = min(c.setup.limits.w_max_radps, c.setup.readable_turn(c.gap))
     memory.turned += c.dt * c.observation.twist.w
     unseen = memory.unseen.update(view is None or view.age > c.spec.lost_time_s, c.now_ns)
     if view is None or unseen >= 0.0:

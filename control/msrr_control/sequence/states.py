@@ -122,7 +122,7 @@ def dock(c: DockingContext) -> Twist | Transition:
         return Transition.back_out(reason, FailureReason.STALLED, reassemble=held)
     twist = c.controller.step(c.control_inputs(pose))
     if not at_port:
-        return twist
+        return _readable(c, twist, view.gap)
     if view.gap > _IN_HOLES * c.setup.pin_reach:
         off_yaw, off_lateral = abs(view.yaw), abs(view.lateral - c.aim.lateral)
         if off_lateral > tuning.capture_share * c.setup.mouth or off_yaw > math.radians(tuning.capture_deg):
@@ -135,6 +135,16 @@ def dock(c: DockingContext) -> Twist | Transition:
         # an angle, but the switches do.
         turn = math.copysign(tuning.press_turn_radps, 1.0 if switches.left else -1.0)
     return Twist(spec.press_mps, turn)
+
+
+def _readable(c: DockingContext, twist: Twist, gap: float) -> Twist:
+    """Return a twist at which the camera reads the tags, on the same arc: the target stays in the cone."""
+    most = c.setup.readable_turn(gap)
+    if abs(twist.w) <= most:
+        return twist
+    share = most / abs(twist.w)
+    c.memory.slowed(share, c.dt)
+    return Twist(share * twist.v, share * twist.w)
 
 
 def _held_by_doubt(monitor: CollisionMonitorState | None) -> bool:

@@ -47,6 +47,18 @@ def test_a_unit_docks_behind_a_lens_that_it_knows(seeds: range, shipped: Callabl
         assert contact_mm(result) < 0.1
 
 
+@pytest.mark.parametrize("seed", [101, pytest.param(103, marks=pytest.mark.nightly)])
+def test_a_unit_in_poor_light_keeps_its_port_in_sight_as_it_turns(
+    seed: int, shipped: Callable[..., Scene]
+) -> None:
+    """At an exposure time of 80 ms a tag in 0.75 m is smeared beyond recognition at 0.2 rad/s."""
+    camera = {"exposure_ms": "80", "rate_hz": "12", "latency_ms": "60"}
+    values = {f"cameras.onboard.{key}": value for key, value in camera.items()}
+    result = Trial(shipped("close_range", {"as_built": "careful", **values}), seed).run()
+    assert result.outcome is Outcome.DOCKED
+    assert len(result.steps[0].attempts) == 1
+
+
 def test_clients_see_tags_where_the_image_of_the_lens_shows_them(
     tmp_path: Path, shipped: Callable[..., Scene]
 ) -> None:

@@ -1,5 +1,7 @@
 """Laws that every docking law obeys, whatever it does."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,6 +16,7 @@ from msrr_control.docking.law import DockingLaw, DockSetup, LawInputs
 from msrr_control.studies.disturbance import Disturbance
 from msrr_control.studies.docking_study import CLOSE, run_docking_study
 from msrr_scenes.errors import SceneError
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -186,3 +189,22 @@ def test_the_facts_of_a_step_are_those_of_the_unit_and_of_the_scene() -> None:
     assert (facts.pin_reach, facts.mouth) == pytest.approx((0.018, 0.015), abs=1e-6)
     assert (facts.link_latency_s, facts.rate_hz) == (0.03, scene.control.rate_hz)
     assert (facts.los, facts.limits) == (scene.los, scene.limits)
+
+
+@pytest.mark.parametrize("gap", [0.05, 0.3, 0.8])
+def test_a_tag_moves_by_one_module_in_an_exposure_at_the_turn_rate_up_to_which_it_is_read(gap: float) -> None:
+    """A camera that turns on the spot sees a tag pass at its distance times the turn rate."""
+    scene = load_scene("close_range", {"cameras.onboard.exposure_ms": 40})
+    setup = DockSetup.of(scene, scene.docks[0])
+    distance = gap + setup.offset - setup.camera_offset + setup.los.setback_m
+    module_m = 0.05 / 8  # of the large tags of a port
+    assert 0.040 * setup.readable_turn(gap) * distance == pytest.approx(module_m)
+    assert setup.readable_turn(-gap) == setup.readable_turn(0.0) > setup.readable_turn(gap)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"as_built": "perfect"}, {"perception": "parametric"}], ids=["an instant", "no pixels"]
+)
+def test_what_is_not_smeared_is_read_at_any_turn_rate(changes: dict[str, str]) -> None:
+    scene = load_scene("close_range", changes)
+    assert DockSetup.of(scene, scene.docks[0]).readable_turn(0.5) == math.inf

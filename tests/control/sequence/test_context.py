@@ -152,3 +152,11 @@ def test_after_a_jam_the_unit_goes_aside_by_the_rim_of_a_mouth_at_least(
             jams[place].append(context.aim.lateral)
     assert jams["holes"] == pytest.approx([aside, 2.0 * aside])
     assert jams["mouths"] == pytest.approx([aside, -aside])
+
+
+def test_the_time_without_progress_runs_by_the_share_of_its_speed_that_a_unit_is_let_drive_at() -> None:
+    memory = StateMemory(0)
+    for k in range(1, 101):
+        memory.slowed(0.25, 0.02)
+        idle = memory.without_progress(1.0, 0.001, 0.02, k * S // 50) if k > 1 else 0.0
+    assert idle == pytest.approx(0.25 * 2.0, abs=0.03)
