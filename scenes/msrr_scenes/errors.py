@@ -14,6 +14,13 @@ class MsrrError(Exception):
     """The root of all errors raised by msrr packages; its text names the place and the mend."""
 
 
+class StoppedError(BaseException):
+    """Ends the work from outside, as a signal or a limit does: no failure of what was being called.
+
+    It and KeyboardInterrupt pass through a class of a user's own; what else such a class raises is its own.
+    """
+
+
 class SceneError(MsrrError):
     """A scene that cannot be used as written."""
 

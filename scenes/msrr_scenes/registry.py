@@ -16,6 +16,7 @@ from msrr_scenes.errors import (
     MsrrError,
     ParameterError,
     SceneError,
+    StoppedError,
     UnknownNameError,
     nearest,
 )
@@ -120,7 +121,9 @@ def _import(key: str, name: str, table: ExtensionPoint[T]) -> object:
             module = import_own(module_name)
     except ChangedFileError as error:
         raise ChangedFileError(f"{table.kind} {name!r}: {error}") from None
-    except (Exception, SystemExit) as error:
+    except (KeyboardInterrupt, StoppedError):
+        raise
+    except BaseException as error:
         # Only a path that does not exist is a bad name; an import error inside the module is its own.
         missing = error.name if isinstance(error, ModuleNotFoundError) else None
         if missing is not None and f"{module_name}.".startswith(f"{missing}."):
@@ -167,9 +170,9 @@ def build(key: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fixe
     try:
         with numpy_errors(), naming_parameters(key, what):
             built = factory(*args, **fixed, **deepcopy(choice.params))  # a class may change what it is given
-    except MsrrError:
+    except (KeyboardInterrupt, StoppedError, MsrrError):
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         if own is None and isinstance(error, ValueError | TypeError):
             unknown = _unknown_parameter(factory, args, fixed, choice.params)
             if unknown is not None:

@@ -90,6 +90,7 @@ def test_only_a_class_with_the_methods_of_the_protocol_is_built(path: str, why: 
         ("x = 1\nraise ValueError('no luck')", r"gadget.py line 2: ValueError: no luck"),
         ("x = 1\ndef f(:", r"gadget.py line 2: SyntaxError: invalid syntax"),
         ("import sys\nsys.exit(0)", r"gadget.py line 2: SystemExit: 0"),
+        ("x = 1\nraise GeneratorExit", r"gadget.py line 2: GeneratorExit"),
     ],
 )
 def test_a_module_that_cannot_be_imported_says_where(
