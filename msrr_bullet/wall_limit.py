@@ -9,7 +9,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import TypeVar
 
-from msrr_scenes.errors import MsrrError
+from msrr_scenes.errors import MsrrError, StoppedError
 from msrr_scenes.guarded import called_in
 
 Result = TypeVar("Result")
@@ -28,7 +28,7 @@ class WallLimitError(MsrrError):
     """A trial took longer on the wall clock than it may, and was stopped without a result."""
 
 
-class _Reached(BaseException):
+class _Reached(StoppedError):
     """The limit is reached; no handler of ``Exception``, such as one in a user's class, stops it."""
 
 

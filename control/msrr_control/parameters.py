@@ -7,42 +7,35 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from msrr_scenes.errors import SceneError, nearest
+from msrr_scenes.errors import ParameterError, nearest
 from msrr_scenes.specs.spec import Spec
 
 P = TypeVar("P", bound=Spec)
 
 
-def read_params(what: str, kind: type[P], params: dict[str, Any]) -> P:
+def read_params(kind: type[P], params: dict[str, Any]) -> P:
     """Validate the parameters of a controller or an assembler.
 
     Args:
-        what: What the parameters are of, for messages: ``controller 'c1'``.
         kind: Specification of the parameters.
         params: The parameters as the scene gives them.
 
     Raises:
-        SceneError: Parameters are wrong; the message says of each what is wrong and the nearest valid name.
+        ParameterError: Parameters are wrong; it says of each what is wrong and the nearest valid name.
     """
     try:
         return kind.model_validate(params)
     except ValidationError as error:
-        faults = "; ".join(_explain(fault, kind) for fault in error.errors())
-        raise SceneError(f"{what}: {faults}") from error
+        faults = {".".join(map(str, fault["loc"])): _explain(fault, kind) for fault in error.errors()}
+        raise ParameterError(faults) from error
 
 
 def _explain(fault: ErrorDetails, kind: type[Spec]) -> str:
-    where = ".".join(str(part) for part in fault["loc"])
     if fault["type"] == "extra_forbidden":
         keys = _keys_beside(fault["loc"], kind)
-        return (
-            f"{where}: unknown parameter{nearest(fault['loc'][-1], keys)} Parameters here: {', '.join(keys)}"
-        )
+        return f"unknown parameter{nearest(fault['loc'][-1], keys)} Parameters here: {', '.join(keys)}"
     message = fault["msg"].removeprefix("Value error, ")
-    if not where:
-        return message
-    found = "" if fault["type"] == "value_error" else f", found {fault['input']!r}"
-    return f"{where}: {message}{found}"
+    return message if fault["type"] == "value_error" else f"{message}, found {fault['input']!r}"
 
 
 def _keys_beside(loc: tuple[int | str, ...], kind: type[BaseModel]) -> list[str]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from typer.core import TyperGroup
 
-from msrr_scenes.errors import MsrrError
+from msrr_scenes.errors import MsrrError, StoppedError
 
 if TYPE_CHECKING:
     from sys import UnraisableHookArgs
@@ -42,7 +42,7 @@ _LOOP = "Symlink loop from "
 _RETRY_S = 0.1
 
 
-class Terminated(BaseException):
+class Terminated(StoppedError):
     """A signal ends the program, such as SIGTERM; an exception closes every server, process and file.
 
     It is no SystemExit: that one may come from a class of the user's own, and then ends the trial alone.

@@ -208,7 +208,9 @@ def _run_trials(
         for scene in scenes:
             prepare_cameras(scene, say)
         return run(jobs or DEFAULT_JOBS).interrupted, None
-    except (Terminated, StoreError, ChangedFileError) as error:
+    except StoreError as error:
+        return True, StoreError(f"{error}; --store names another one, --fresh uses none")
+    except (Terminated, ChangedFileError) as error:
         return True, error
 
 

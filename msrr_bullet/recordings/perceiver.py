@@ -87,7 +87,7 @@ class Perceiver:
     def __post_init__(self) -> None:
         scene = self.scene
         self.target = TargetModel.from_scene(scene, scene.docks[0])
-        detector: Detector = build("detector", scene.control.detector, DETECTORS)
+        detector: Detector = build("control.detector", scene.control.detector, DETECTORS)
         whole = scene.cameras.onboard.readout == "frames"
         self._vision = OnboardVision(self.target, detector, full_every=1 if whole else FULL_FRAME_PERIOD)
         self._estimator = self._build_estimator()
@@ -96,10 +96,10 @@ class Perceiver:
 
     def _build_estimator(self) -> Estimator:
         choice, fixed = self.scene.control.estimator, {}
-        if self.motion is not None and resolve("estimator", choice.name, ESTIMATORS) is CornerEkf:
+        if self.motion is not None and resolve("control.estimator", choice.name, ESTIMATORS) is CornerEkf:
             fixed["motion"] = self.motion
         estimator: Estimator = build(
-            "estimator",
+            "control.estimator",
             choice,
             ESTIMATORS,
             self.target,

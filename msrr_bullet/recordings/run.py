@@ -42,6 +42,7 @@ from msrr_perception.photographs.picture_files import FILMS, PICTURES
 from msrr_scenes.errors import ChangedFileError, MsrrError, ProgramFailedError, SceneError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
+from msrr_scenes.loading.load import placed
 from msrr_scenes.loading.target_file import read_target, target_scene
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CalibrationSpec
@@ -107,7 +108,7 @@ def perceive(
         scene = target_scene(spec, target, Path(folder), calibration)
         if options.rate_hz is not None:
             scene = _at_rate(scene, options.rate_hz)
-        _refuse_unbuildable(scene, target)  # before a run that is in the folder gives way to the new one
+        _refuse_unbuildable(scene)  # before a run that is in the folder gives way to the new one
         if out is None:
             return _run(scene, spec, recording, NullRecorder(), report, observer)
         with _recorder(out, scene, recording, lock) as recorder:
@@ -116,14 +117,14 @@ def perceive(
     return result
 
 
-def _refuse_unbuildable(scene: Scene, target: Path) -> None:
-    """Refuse a target file of which the detector or the estimator cannot be built."""
+def _refuse_unbuildable(scene: Scene) -> None:
+    """Refuse the scene of a target file of which the detector or the estimator cannot be built."""
     try:
         Perceiver(scene, NullRecorder(), report=lambda _: None)
     except (ProgramFailedError, ChangedFileError):
         raise
     except MsrrError as error:
-        raise SceneError(f"{target}: control: {error}") from error
+        raise SceneError(placed(scene, str(error))) from error
 
 
 def _would_delete(out: Path, path: Path) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -16,16 +16,16 @@ from msrr_scenes.registry import ExtensionPoint, build
 from msrr_scenes.specs.spec import Choice
 
 
-def _tiny(context: RenderContext, **params: Literal["composited", "mesh"]) -> Renderer:
+def _tiny(context: RenderContext, floor: Literal["composited", "mesh"] = "composited") -> Renderer:
     from msrr_bullet.render.tiny_renderer import TinyRenderer
 
-    return TinyRenderer(context, **params)
+    return TinyRenderer(context, floor)
 
 
-def _raster(context: RenderContext, **params: Any) -> Renderer:
+def _raster(context: RenderContext) -> Renderer:
     from msrr_bullet.render.raster_renderer import RasterRenderer
 
-    return RasterRenderer(context, **params)
+    return RasterRenderer(context)
 
 
 def _image(result: object, camera: PinholeCamera, X_WC: SE3, window: Window) -> Pixels:
@@ -51,17 +51,18 @@ def _images(
 
 #: Renderers by name. Each is imported when a scene asks for it.
 RENDERERS: ExtensionPoint[Renderer] = ExtensionPoint(
+    "renderer",
     {"tiny": _tiny, "raster": _raster},
     methods={"render": _image},
     optional={"render_instants": _images},
 )
 
 
-def build_renderer(choice: Choice, context: RenderContext) -> Renderer:
+def build_renderer(choice: Choice, context: RenderContext, key: str = "cameras.onboard.renderer") -> Renderer:
     """Build the renderer that a scene names: ``factory(context, **choice.params)``.
 
     Raises:
         UnknownNameError: The name is neither registered nor the import path of a class.
         SceneError: The renderer does not take the scene's parameters.
     """
-    return build("renderer", choice, RENDERERS, context)
+    return build(key, choice, RENDERERS, context)

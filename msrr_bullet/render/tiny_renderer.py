@@ -14,7 +14,7 @@ from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.renderer import AMBIENT, DIFFUSE, NEAR_M, TOWARDS_LIGHT, RenderContext
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_scenes.arrays import Array
-from msrr_scenes.errors import MsrrError, SceneError
+from msrr_scenes.errors import MsrrError, ParameterError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
@@ -55,7 +55,7 @@ class TinyRenderer:
                 one against the other (full frames take 2 to 6 times as long).
         """
         if floor not in ("composited", "mesh"):
-            raise SceneError(f"the tiny renderer's floor is 'composited' or 'mesh', not {floor!r}")
+            raise ParameterError({"floor": f"has to be 'composited' or 'mesh', found {floor!r:.40}"})
         self._client = context.client
         self._shifts = rotated_grid(context.samples)
         self._floor = context.floor

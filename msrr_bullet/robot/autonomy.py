@@ -109,7 +109,7 @@ class Autonomy:
         self._target_tags = target.corners_D.keys()
         self._tags_read_ns: int | None = None
         self._estimator: Estimator = build(
-            "estimator",
+            "control.estimator",
             scene.control.estimator,
             ESTIMATORS,
             target,

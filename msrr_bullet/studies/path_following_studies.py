@@ -31,18 +31,14 @@ def path_following_law(choice: Choice, setting: Setting) -> PathFollowingLaw[Any
 
     Raises:
         UnknownNameError: No law has this name.
-        SceneError: A parameter of the law is wrong.
+        ParameterError: A parameter of the law is wrong.
     """
     params = merge_params({"pace": PAPER_PACE.model_dump()}, choice.params)
     limits = setting.scene.limits
     if choice.name == "c1":
-        return C1PathFollowingLaw(
-            read_params("assembler 'c1'", C1PathFollowingParams, params), limits, OFFSET
-        )
+        return C1PathFollowingLaw(read_params(C1PathFollowingParams, params), limits, OFFSET)
     if choice.name == "c2":
-        return C2PathFollowingLaw(
-            read_params("assembler 'c2'", C2PathFollowingParams, params), limits, OFFSET
-        )
+        return C2PathFollowingLaw(read_params(C2PathFollowingParams, params), limits, OFFSET)
     raise UnknownNameError("long-distance law", choice.name, ("c1", "c2"), "")
 
 

@@ -76,18 +76,20 @@ class TrialStore:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._db = sqlite3.connect(path.absolute(), timeout=30.0)  # SQLite has names of its own
             with self._db:
-                known = self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] > 0
+                tables = {name for (name,) in self._db.execute("SELECT name FROM sqlite_master")}
                 layout = int(self._db.execute("PRAGMA user_version").fetchone()[0])
-                if known and layout != LAYOUT:
+                if tables and not {"scenes", "trials"} <= tables:
+                    raise StoreError(f"{path}: a database, but no store of trials; name another store")
+                if tables and layout != LAYOUT:
                     raise StoreError(
                         f"{path}: not a store of this version (layout {layout}, now {LAYOUT});"
-                        " delete the file, or name another one with --store"
+                        " delete the file, or name another store"
                     )
-                if not known:
+                if not tables:
                     self._db.executescript(_CREATION)
         except (*_ERRORS, OSError) as error:
             reason = error.strerror if isinstance(error, OSError) else error
-            text = f"{path}: cannot be opened as a store of trials ({reason}); name another file"
+            text = f"{path}: cannot be opened as a store of trials ({reason}); name another store"
             raise StoreError(text) from None
 
     def __enter__(self) -> TrialStore:
@@ -167,12 +169,12 @@ class TrialStore:
             result = self._result_type.from_json(text)
         except ResultError as error:
             raise StoreError(
-                f"{self._path}: the result of seed {seed} cannot be read: {error}; use another store"
+                f"{self._path}: the result of seed {seed} cannot be read: {error}; name another store"
             ) from None
         if result.seed != seed:
             raise StoreError(
                 f"{self._path}: the result of seed {seed} says that it is of seed {result.seed}; "
-                "use another store"
+                "name another store"
             )
         return result
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from msrr_bullet.checks.seats import check_seats
 from msrr_bullet.checks.stance import check_stance
 from msrr_bullet.checks.views import check_views
@@ -20,10 +22,11 @@ from msrr_control.sequence.feasibility import check_sequence
 from msrr_control.staging.feasibility import check_assembly, check_overhead, check_time
 from msrr_control.staging.registry import ASSEMBLERS
 from msrr_scenes.errors import ChangedFileError, MsrrError, ProgramFailedError, SceneError
-from msrr_scenes.loading.load import check_scene
+from msrr_scenes.loading.load import check_scene, placed
 from msrr_scenes.registry import resolve
 from msrr_scenes.specs.plan import in_order
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.sensors import CameraSpec
 from msrr_scenes.temporary_files import NoRoomError
 
 
@@ -37,24 +40,25 @@ def check_trial(scene: Scene) -> None:
 
     Raises:
         SceneError: The scene contradicts itself, something that it names does not exist or does not take its
-            parameters, or a URDF lacks what the plant needs. The message begins with the file.
+            parameters, or a URDF lacks what the plant needs. The message begins with the place of the key at
+            fault, or with the file.
         ProgramFailedError: A class that the scene names by its import path fails while it is built.
         ChangedFileError: That class was edited since this process imported it.
         NoRoomError: The folder of temporary files is full.
     """
+    check_scene(scene)
     try:
         _check(scene)
     except (ProgramFailedError, NoRoomError, ChangedFileError):
         raise
     except MsrrError as error:
-        raise SceneError(f"{scene.source or scene.name}: {error}") from error
+        raise SceneError(placed(scene, str(error))) from error
 
 
 def _check(scene: Scene) -> None:
-    check_scene(scene)
     check_sequence(scene)
     check_overhead(scene)
-    resolve("assembler", scene.control.assembly.name, ASSEMBLERS)
+    resolve("control.assembly", scene.control.assembly.name, ASSEMBLERS)
     if scene.coordinated:
         from msrr_bullet.base_station.base_station import check_mission  # for the reason in begin_mission
 
@@ -63,9 +67,8 @@ def _check(scene: Scene) -> None:
         check_assembly(scene)
         check_time(scene)
     LogHeader.of(scene, 0, {})
-    cameras = [scene.cameras.onboard, *([scene.cameras.overhead] if scene.cameras.overhead else [])]
-    for camera in cameras:
-        resolve("renderer", camera.renderer.name, RENDERERS)
+    for key, camera in _cameras(scene):
+        resolve(f"{key}.renderer", camera.renderer.name, RENDERERS)
     telemetry = Telemetry(NullRecorder(), scene)
     with open_environment(scene, 0) as environment:
         world = environment.simulation.world
@@ -88,6 +91,13 @@ def _check(scene: Scene) -> None:
             check_seats(scene, world)
 
 
+def _cameras(scene: Scene) -> Iterator[tuple[str, CameraSpec]]:
+    """Yield the cameras of a scene with their keys."""
+    for name, spec in scene.cameras:
+        if isinstance(spec, CameraSpec):
+            yield f"cameras.{name}", spec
+
+
 def _drawn(scene: Scene, world: BulletWorld | None) -> LoadedBodies | None:
     """Build the renderers of a scene, and return the bodies that its raster renderers draw; None without one.
 
@@ -97,8 +107,7 @@ def _drawn(scene: Scene, world: BulletWorld | None) -> LoadedBodies | None:
     if world is None or scene.perception != "images":
         return None
     renderers = [
-        build_renderer(camera.renderer, RenderContext(world.client, camera.samples))
-        for camera in (scene.cameras.onboard, scene.cameras.overhead)
-        if camera is not None
+        build_renderer(camera.renderer, RenderContext(world.client, camera.samples), f"{key}.renderer")
+        for key, camera in _cameras(scene)
     ]
     return LoadedBodies(world.client) if any(isinstance(r, RasterRenderer) for r in renderers) else None

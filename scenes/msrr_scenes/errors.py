@@ -7,11 +7,18 @@ exception: it is an :class:`msrr_scenes.outcome.Outcome`.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 
 class MsrrError(Exception):
     """The root of all errors raised by msrr packages; its text names the place and the mend."""
+
+
+class StoppedError(BaseException):
+    """Ends the work from outside, as a signal or a limit does: no failure of what was being called.
+
+    It and KeyboardInterrupt pass through a class of a user's own; what else such a class raises is its own.
+    """
 
 
 class SceneError(MsrrError):
@@ -29,6 +36,21 @@ class ProgramFailedError(MsrrError):
     """
 
 
+class ParameterError(SceneError):
+    """Parameters that an implementation does not take.
+
+    Attributes:
+        faults: What is wrong with each, by its dotted name; the empty name stands for all of them.
+    """
+
+    def __init__(self, faults: Mapping[str, str]) -> None:
+        super().__init__(faults)
+        self.faults = faults
+
+    def __str__(self) -> str:
+        return "\n".join(f"{name}: {text}" if name else text for name, text in self.faults.items())
+
+
 class GeometryError(MsrrError):
     """A unit description (URDF) that lacks a named frame or contradicts itself."""
 
@@ -42,7 +64,7 @@ def nearest(name: object, valid: Iterable[str]) -> str:
 class UnknownNameError(MsrrError):
     """A name that belongs to no registered or importable implementation."""
 
-    def __init__(self, kind: str, name: str, valid: Iterable[str], hint: str = "") -> None:
+    def __init__(self, kind: str, name: str, valid: Iterable[str], hint: str = "", key: str = "") -> None:
         """Compose the message.
 
         Args:
@@ -50,10 +72,11 @@ class UnknownNameError(MsrrError):
             name: The unknown name.
             valid: The names that exist.
             hint: A sentence about what else could be given.
+            key: Dotted key of a scene that has the name, if one has.
         """
         names = sorted(valid)
         text = f"unknown {kind} {name!r}{nearest(name, names)} Known: {', '.join(names) or 'none'}. {hint}"
-        super().__init__(text.rstrip())
+        super().__init__(f"{key}: {text}".removeprefix(": ").rstrip())
 
     def __reduce__(self) -> tuple[Callable[..., BaseException], tuple[type[BaseException], str]]:
         # An exception is unpickled, in the process that asked for the trial, from its text alone.

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
-from msrr_scenes.errors import ProgramFailedError
+from msrr_scenes.errors import ProgramFailedError, StoppedError
 
 #: Checks what a member gave: called with its result and the arguments of the call. It returns the result to
 #: pass on, or raises ValueError with what the result is and what was expected.
@@ -79,7 +79,9 @@ class Guarded:
         try:
             with numpy_errors():
                 return function(*args, **kwargs)
-        except (Exception, SystemExit) as error:
+        except (KeyboardInterrupt, StoppedError):
+            raise
+        except BaseException as error:
             raise failure(self._kind, self._name, type(self._inner), member, error) from error
 
     def _checked(self, member: str, result: Any, *args: Any) -> Any:
@@ -96,7 +98,9 @@ class Guarded:
             raise ProgramFailedError(
                 f"{self._kind} {self._name!r}, {place}: {member} returned {error}"
             ) from None
-        except Exception as error:  # such as one in the result's own methods
+        except (KeyboardInterrupt, StoppedError):
+            raise
+        except BaseException as error:  # such as one in the result's own methods
             raise failure(self._kind, self._name, type(self._inner), member, error) from error
 
     def _check_kind(self, result: object) -> None:

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from copy import deepcopy
 from operator import attrgetter
 from typing import Any, TypeVar, cast
 
 from pydantic import BaseModel
 
-from msrr_scenes.errors import ChangedFileError, MsrrError, SceneError, UnknownNameError, nearest
+from msrr_scenes.errors import (
+    ChangedFileError,
+    MsrrError,
+    ParameterError,
+    SceneError,
+    StoppedError,
+    UnknownNameError,
+    nearest,
+)
 from msrr_scenes.guarded import Check, Guarded, failure, file_of, in_one_line, numpy_errors, raised_at
 from msrr_scenes.own_modules import import_own
 from msrr_scenes.specs.spec import Choice
@@ -27,17 +36,20 @@ class ExtensionPoint(Mapping[str, Callable[..., T]]):
     """The registered implementations of a protocol by name, and what a class of a user's own has to fulfil.
 
     Attributes:
+        kind: What its implementations are, for messages: ``detector``, ``renderer``, ``controller`` ...
         methods: Methods that a class has to have, and the check of the result of each.
         optional: Members that an object may have, and the check of each.
     """
 
     def __init__(
         self,
+        kind: str,
         registered: Mapping[str, Callable[..., T]],
         methods: Mapping[str, Check],
         optional: Mapping[str, Check] | None = None,
     ) -> None:
         """Describe an extension point."""
+        self.kind = kind
         self._registered = dict(registered)
         self.methods, self.optional = dict(methods), dict(optional or {})
 
@@ -65,11 +77,11 @@ def choices(value: object) -> Iterator[Choice]:
             yield from choices(getattr(value, name))
 
 
-def resolve(kind: str, name: str, table: ExtensionPoint[T]) -> Callable[..., T]:
+def resolve(key: str, name: str, table: ExtensionPoint[T]) -> Callable[..., T]:
     """Return the class or factory with the given name.
 
     Args:
-        kind: Kind of the extension point, for messages: ``detector``, ``renderer``, ``controller`` ...
+        key: Dotted key of the choice in a scene, with which messages begin: ``control.docking`` ...
         name: A key of ``table``, or an import path ``pkg.mod:Class`` (a dotted attribute is allowed). The
             module is looked for in the current folder too, and is run when it is imported.
         table: The extension point.
@@ -87,107 +99,135 @@ def resolve(kind: str, name: str, table: ExtensionPoint[T]) -> Callable[..., T]:
         try:
             return table[name]
         except KeyError:
-            raise UnknownNameError(kind, name, table, _HINT) from None
-    found = _import(kind, name, table)
-    needed = f"every {kind} is a class with the methods {', '.join(table.methods)}"
+            raise UnknownNameError(table.kind, name, table, _HINT, key) from None
+    found = _import(key, name, table)
+    what = f"{key}: {table.kind} {name!r}"
+    needed = f"every {table.kind} is a class with the methods {', '.join(table.methods)}"
     if not inspect.isclass(found):
-        raise SceneError(f"{kind} {name!r} is not a class, but a {type(found).__name__}; {needed}")
+        raise SceneError(f"{what} is not a class, but a {type(found).__name__}; {needed}")
     lacking = [method for method in table.methods if not callable(getattr(found, method, None))]
     if lacking:
-        raise SceneError(f"{kind} {name!r} has no method {', '.join(lacking)}; {needed}")
+        raise SceneError(f"{what} has no method {', '.join(lacking)}; {needed}")
     return cast("Callable[..., T]", found)
 
 
-def _import(kind: str, name: str, table: ExtensionPoint[T]) -> object:
+def _import(key: str, name: str, table: ExtensionPoint[T]) -> object:
     """Return the object at an import path."""
     module_name, _, attribute = name.partition(":")
     if not all(part.isidentifier() for part in module_name.split(".")):
-        raise UnknownNameError(kind, name, table, _HINT)
+        raise UnknownNameError(table.kind, name, table, _HINT, key)
     try:
         with numpy_errors():
             module = import_own(module_name)
     except ChangedFileError as error:
-        raise ChangedFileError(f"{kind} {name!r}: {error}") from None
-    except (Exception, SystemExit) as error:
+        raise ChangedFileError(f"{table.kind} {name!r}: {error}") from None
+    except (KeyboardInterrupt, StoppedError):
+        raise
+    except BaseException as error:
         # Only a path that does not exist is a bad name; an import error inside the module is its own.
         missing = error.name if isinstance(error, ModuleNotFoundError) else None
         if missing is not None and f"{module_name}.".startswith(f"{missing}."):
-            raise UnknownNameError(kind, name, table, f"No module named {missing!r}. {_HINT}") from None
+            hint = f"No module named {missing!r}. {_HINT}"
+            raise UnknownNameError(table.kind, name, table, hint, key) from None
         place = raised_at(error, f"{module_name.rpartition('.')[2]}.py")
         raise SceneError(
-            f"{kind} {name!r}: its module cannot be imported, {place}: {in_one_line(error)}"
+            f"{key}: the module of {table.kind} {name!r} cannot be imported, {place}: {in_one_line(error)}"
         ) from error
     try:
         return attrgetter(attribute)(module)
     except AttributeError:
         hint = f"Module {module_name!r} has no attribute {attribute!r}."
-        raise UnknownNameError(kind, name, table, hint) from None
+        raise UnknownNameError(table.kind, name, table, hint, key) from None
 
 
-def build(kind: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fixed: Any) -> T:
+def build(key: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fixed: Any) -> T:
     """Return the implementation that a scene chose: ``resolve(...)(*args, **fixed, **choice.params)``.
 
     An object of a class that is named by its import path is :class:`Guarded`.
 
     Raises:
         UnknownNameError: The name of the choice is unknown; see :func:`resolve`.
-        SceneError: The implementation does not take the scene's parameters; the cause is attached.
+        SceneError: The implementation does not take the scene's parameters; the message begins with the key
+            of the parameter, or of the choice, and the cause is attached.
         ProgramFailedError: A class that is named by its import path fails while it is built.
     """
-    factory = resolve(kind, choice.name, table)
+    factory = resolve(key, choice.name, table)
     own = cast(type, factory) if is_import_path(choice) else None
-    misfit = f"{kind} {choice.name!r} does not take {choice.params}"
-    if not choice.params:
-        misfit = f"{kind} {choice.name!r} cannot be built"
+    what = f"{table.kind} {choice.name!r}"
+    misfit = f"{key}: {what} cannot be built"
+    if choice.params:
+        misfit = f"{key}.params: {what} does not take {choice.params}"
     if own is not None:
         try:
             _signature(own).bind(*args, **fixed, **choice.params)
         except TypeError as error:
             unknown = _unknown_parameter(own, args, fixed, choice.params)
             if unknown is not None:
-                raise SceneError(f"{kind} {choice.name!r} does not take {unknown}") from error
+                raise SceneError(f"{key}.params.{unknown[0]}: {what} does not take {unknown[1]}") from error
             given = [type(arg).__name__ for arg in args]
-            given += [f"{key}={value!r}" for key, value in {**fixed, **choice.params}.items()]
-            raise SceneError(f"{kind} {choice.name!r} does not take ({', '.join(given)}): {error}") from error
+            given += [f"{name}={value!r}" for name, value in {**fixed, **choice.params}.items()]
+            raise SceneError(f"{key}: {what} does not take ({', '.join(given)}): {error}") from error
     try:
-        with numpy_errors():
+        with numpy_errors(), naming_parameters(key, what):
             built = factory(*args, **fixed, **deepcopy(choice.params))  # a class may change what it is given
-    except MsrrError:
+    except (KeyboardInterrupt, StoppedError, MsrrError):
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         if own is None and isinstance(error, ValueError | TypeError):
             unknown = _unknown_parameter(factory, args, fixed, choice.params)
             if unknown is not None:
-                raise SceneError(f"{kind} {choice.name!r} does not take {unknown}") from error
+                raise SceneError(f"{key}.params.{unknown[0]}: {what} does not take {unknown[1]}") from error
             raise SceneError(f"{misfit}: {error}") from error
         if own is None:
             raise
         if isinstance(error, ValueError):  # of the parameters, or of a mistake: the line tells
             raise SceneError(f"{misfit}, {raised_at(error, file_of(own))}: {in_one_line(error)}") from error
-        raise failure(kind, choice.name, own, "__init__", error) from error
+        raise failure(table.kind, choice.name, own, "__init__", error) from error
     if own is None:
         return built
-    return cast(T, Guarded(kind, choice.name, built, {**table.methods, **table.optional}))
+    return cast(T, Guarded(table.kind, choice.name, built, {**table.methods, **table.optional}))
 
 
-def out_of_range(
+@contextmanager
+def naming_parameters(key: str, what: str) -> Iterator[None]:
+    """Let what is wrong with parameters of a choice begin with their keys in the scene.
+
+    Args:
+        key: Dotted key of the choice.
+        what: Kind and name of the implementation.
+
+    Raises:
+        SceneError: In the place of a :class:`ParameterError`; a line for each parameter.
+    """
+    try:
+        yield
+    except ParameterError as error:
+        keys = {f"{key}.params.{name}".rstrip("."): text for name, text in error.faults.items()}
+        raise SceneError("\n".join(f"{at}: {what}: {text}" for at, text in keys.items())) from error
+
+
+def require_in_range(
     ranges: Mapping[str, tuple[float, float]], values: Mapping[str, object], optional: Collection[str] = ()
-) -> str | None:
-    """Return what is wrong with the first parameter that is no number of its range; None if all are.
+) -> None:
+    """Refuse parameters that are no numbers of their ranges.
 
     Args:
         ranges: Lowest and highest value of each parameter.
         values: The parameters, others included.
         optional: Names of parameters that may be None.
+
+    Raises:
+        ParameterError: One or more of them are not.
     """
+    faults = dict[str, str]()
     for name, (low, high) in ranges.items():
         value = values[name]
         if value is None and name in optional:
             continue
         if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-            shown = repr(value)[:40]
-            return f"{name} has to be a number from {low:g} to {high:g}, found {shown}"
-    return None
+            faults[name] = f"has to be a number from {low:g} to {high:g}, found {value!r:.40}"
+    if faults:
+        raise ParameterError(faults)
 
 
 def _unknown_parameter(
@@ -195,8 +235,8 @@ def _unknown_parameter(
     args: tuple[object, ...],
     fixed: Mapping[str, object],
     params: Mapping[str, Any],
-) -> str | None:
-    """Return the first parameter that a factory does not know, and those that it does; None without one."""
+) -> tuple[str, str] | None:
+    """Return the first parameter that a factory does not know, and what to say; None if it knows all."""
     signature = _signature(factory)
     try:
         given = signature.bind_partial(*args, **fixed).arguments
@@ -210,7 +250,7 @@ def _unknown_parameter(
     unknown = next((name for name in params if name not in known), None)
     if unknown is None:
         return None
-    return f"{unknown!r}{nearest(unknown, known)} Parameters here: {', '.join(known) or 'none'}"
+    return unknown, f"{unknown!r}{nearest(unknown, known)} Parameters here: {', '.join(known) or 'none'}"
 
 
 def _signature(cls: Callable[..., object]) -> inspect.Signature:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import inspect
+from asyncio import CancelledError
 from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
 import pytest
 
+from msrr_bullet.cli.exit_codes import Terminated
 from msrr_scenes.errors import ProgramFailedError, SceneError
 from msrr_scenes.guarded import Guarded, in_one_line, no_result, of_the_same_kind, unguarded, wrong
 
@@ -39,10 +41,8 @@ class Faulty(Doubler):
     other: Any = None
 
     def double(self, x: Any) -> Any:
-        if x == "exit":
-            raise SystemExit(3)
-        if x == "scene":
-            raise SceneError("not here")
+        if isinstance(x, BaseException):
+            raise x
         return x
 
     @property
@@ -73,8 +73,11 @@ def test_what_is_allowed_goes_through() -> None:
     [
         (None, r"double returned None; expected an even number for \(None,\)"),
         (3, "double returned 3; expected"),
-        ("exit", r"test_guarded.py line \d+: double raised SystemExit: 3"),
-        ("scene", "double raised msrr_scenes.errors.SceneError: not here"),
+        (SystemExit(3), r"test_guarded.py line \d+: double raised SystemExit: 3"),
+        (SceneError("not here"), "double raised msrr_scenes.errors.SceneError: not here"),
+        (StopIteration(), "double raised StopIteration"),
+        (GeneratorExit(), "double raised GeneratorExit"),
+        (CancelledError(), "double raised asyncio.exceptions.CancelledError"),
     ],
 )
 def test_a_failure_names_class_file_and_line(argument: object, says: str) -> None:
@@ -82,6 +85,13 @@ def test_a_failure_names_class_file_and_line(argument: object, says: str) -> Non
         guarded(Faulty()).double(argument)
     with pytest.raises(ProgramFailedError, match=says):
         raise caught.value
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt(), Terminated(15)])
+def test_what_ends_the_program_is_no_failure_of_the_class(stop: BaseException) -> None:
+    with pytest.raises(type(stop)) as caught:
+        guarded(Faulty()).double(stop)
+    assert caught.value is stop
 
 
 def test_a_method_with_other_arguments_is_named_where_it_is_defined() -> None:

@@ -27,24 +27,24 @@ class Thing:
         """Do what Fraction has a method for too, so that Fraction fulfils the protocol."""
 
 
-TABLE = ExtensionPoint({"thing": Thing}, methods={"limit_denominator": no_result})
+TABLE = ExtensionPoint("gadget", {"thing": Thing}, methods={"limit_denominator": no_result})
 
 
 def test_a_registered_name_gives_its_class() -> None:
-    assert resolve("gadget", "thing", TABLE) is Thing
+    assert resolve("toys.gadget", "thing", TABLE) is Thing
 
 
 def test_an_import_path_gives_the_attribute() -> None:
     from fractions import Fraction
 
-    assert resolve("gadget", "fractions:Fraction", TABLE) is Fraction
+    assert resolve("toys.gadget", "fractions:Fraction", TABLE) is Fraction
 
 
 def test_a_misspelt_name_lists_the_nearest_and_all() -> None:
     with pytest.raises(
         UnknownNameError, match=r"unknown gadget 'thign'; did you mean 'thing'\? Known: thing"
     ):
-        resolve("gadget", "thign", TABLE)
+        resolve("toys.gadget", "thign", TABLE)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_a_misspelt_name_lists_the_nearest_and_all() -> None:
 )
 def test_a_path_that_leads_nowhere_says_where_it_ends(path: str, why: str) -> None:
     with pytest.raises(UnknownNameError, match=why):
-        resolve("gadget", path, TABLE)
+        resolve("toys.gadget", path, TABLE)
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_only_a_class_with_the_methods_of_the_protocol_is_built(path: str, why: 
     with pytest.raises(
         SceneError, match=f"{why}; every gadget is a class with the methods limit_denominator"
     ):
-        build("gadget", Choice(name=path, params={"args": ["false"]}), TABLE)
+        build("toys.gadget", Choice(name=path, params={"args": ["false"]}), TABLE)
 
 
 @pytest.mark.parametrize(
@@ -90,6 +90,7 @@ def test_only_a_class_with_the_methods_of_the_protocol_is_built(path: str, why: 
         ("x = 1\nraise ValueError('no luck')", r"gadget.py line 2: ValueError: no luck"),
         ("x = 1\ndef f(:", r"gadget.py line 2: SyntaxError: invalid syntax"),
         ("import sys\nsys.exit(0)", r"gadget.py line 2: SystemExit: 0"),
+        ("x = 1\nraise GeneratorExit", r"gadget.py line 2: GeneratorExit"),
     ],
 )
 def test_a_module_that_cannot_be_imported_says_where(
@@ -99,7 +100,7 @@ def test_a_module_that_cannot_be_imported_says_where(
     (tmp_path / f"{name}.py").write_text(text)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SceneError, match=why):
-        resolve("gadget", f"{name}:Thing", TABLE)
+        resolve("toys.gadget", f"{name}:Thing", TABLE)
     assert name not in sys.modules
 
 
@@ -111,9 +112,9 @@ def test_a_module_in_the_current_folder_is_found_and_replaces_none(
     monkeypatch.chdir(tmp_path)
     monkeypatch.delitem(sys.modules, "colorsys", raising=False)
     before = list(sys.path)
-    assert resolve("gadget", "gadget_of_mine:Thing", TABLE).__module__ == "gadget_of_mine"
+    assert resolve("toys.gadget", "gadget_of_mine:Thing", TABLE).__module__ == "gadget_of_mine"
     with pytest.raises(UnknownNameError, match="'colorsys' has no attribute 'Thing'"):  # Python's own
-        resolve("gadget", "colorsys:Thing", TABLE)
+        resolve("toys.gadget", "colorsys:Thing", TABLE)
     assert sys.path == before
 
 
@@ -136,13 +137,13 @@ def test_a_class_that_fails_while_it_is_built_is_named_with_file_and_line(
     monkeypatch.setitem(sys.modules, "fragile_gadget", module)
     name = "fragile_gadget:Fragile"
     with pytest.raises(ProgramFailedError, match=r"Fragile', test_registry.py line \d+: __init__"):
-        build("gadget", Choice(name=name), TABLE)
+        build("toys.gadget", Choice(name=name), TABLE)
     for params in ({"how": "value"}, {"colour": 1}):  # both are for the writer of the scene
         with pytest.raises(SceneError, match="does not take"):
-            build("gadget", Choice(name=name, params=params), TABLE)
+            build("toys.gadget", Choice(name=name, params=params), TABLE)
     # Of numpy it may be a mistake in the class as well, of which the message alone does not tell the place.
     with pytest.raises(SceneError, match=r"test_registry\.py line \d+: ValueError: no such colour"):
-        build("gadget", Choice(name=name, params={"how": "value"}), TABLE)
+        build("toys.gadget", Choice(name=name, params={"how": "value"}), TABLE)
 
 
 class Bare:
@@ -156,7 +157,7 @@ def test_a_class_that_cannot_be_built_is_told_all_that_it_is_given(monkeypatch: 
     monkeypatch.setitem(sys.modules, "bare_gadget", module)
     choice = Choice(name="bare_gadget:Bare", params={"gain": 2})
     with pytest.raises(SceneError, match=r"Bare' does not take \(Scene, late=True, gain=2\): "):
-        build("gadget", choice, TABLE, load_scene("close_range"), late=True)
+        build("toys.gadget", choice, TABLE, load_scene("close_range"), late=True)
 
 
 def test_the_implementations_that_a_scene_names_are_found_at_any_depth() -> None:
@@ -166,14 +167,14 @@ def test_the_implementations_that_a_scene_names_are_found_at_any_depth() -> None
 
 
 def test_build_passes_arguments_and_the_scenes_parameters() -> None:
-    thing = build("gadget", Choice(name="thing", params={"size": 4}), TABLE, 7)
+    thing = build("toys.gadget", Choice(name="thing", params={"size": 4}), TABLE, 7)
     assert (thing.base, thing.size) == (7, 4)
 
 
 @pytest.mark.parametrize("params", [{"colour": 1}, {"size": -1}])
 def test_build_blames_the_scene_for_parameters_that_do_not_fit(params: dict[str, int]) -> None:
     with pytest.raises(SceneError, match=r"gadget 'thing' does not take") as caught:
-        build("gadget", Choice(name="thing", params=params), TABLE, 7)
+        build("toys.gadget", Choice(name="thing", params=params), TABLE, 7)
     assert isinstance(caught.value.__cause__, (TypeError, ValueError))
 
 
@@ -184,7 +185,7 @@ def test_an_unknown_parameter_is_named_with_those_that_there_are(monkeypatch: py
     monkeypatch.setitem(sys.modules, "sized_gadget", module)
     for name in ("thing", "sized_gadget:Thing"):
         with pytest.raises(SceneError, match=says):
-            build("gadget", Choice(name=name, params={"siz": 1}), TABLE, 7)
+            build("toys.gadget", Choice(name=name, params={"siz": 1}), TABLE, 7)
 
 
 def test_a_class_that_changes_its_parameters_does_not_change_the_scene() -> None:
@@ -196,8 +197,8 @@ def test_a_class_that_changes_its_parameters_does_not_change_the_scene() -> None
             super().__init__(sum(sizes))
 
     choice = Choice(name="greedy", params={"sizes": [1]})
-    table = ExtensionPoint({"greedy": Greedy}, methods=TABLE.methods)
-    assert [build("gadget", choice, table).base for _ in range(3)] == [3, 3, 3]
+    table = ExtensionPoint("gadget", {"greedy": Greedy}, methods=TABLE.methods)
+    assert [build("toys.gadget", choice, table).base for _ in range(3)] == [3, 3, 3]
     assert choice.params == {"sizes": [1]}
 
 

@@ -64,7 +64,7 @@ class BarrierLaw:
         """Bind the law to its parameters and to the facts of the docking step.
 
         Raises:
-            SceneError: The margin leaves nothing of the cone.
+            ParameterError: The margin leaves nothing of the cone.
         """
         self.params, self.setup = params, setup
         self._barrier = EdgeBarrier(setup, params.braking, params.rho_rad, math.radians(params.margin_deg))

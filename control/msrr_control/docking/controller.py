@@ -132,11 +132,11 @@ def law_inputs(inputs: ControlInputs) -> LawInputs:
     )
 
 
-def _controller(name: str, law: Callable[[P, DockSetup], DockingLaw[Any]], kind: type[P]) -> Factory:
+def _controller(law: Callable[[P, DockSetup], DockingLaw[Any]], kind: type[P]) -> Factory:
     """Return a factory of controllers that run ``law`` with parameters of the given kind."""
 
     def build_law(setup: DockSetup, **params: Any) -> Controller:
-        return LawController(law(read_params(f"controller {name!r}", kind, params), setup))
+        return LawController(law(read_params(kind, params), setup))
 
     return build_law
 
@@ -165,14 +165,13 @@ def _checked_speed(result: object) -> float | None:
 #: The controllers by the names that a scene gives them: the paper's C1, C2 (our reading of its
 #: comparison), and three others.
 CONTROLLERS: ExtensionPoint[Controller] = ExtensionPoint(
+    "controller",
     {
-        "c1": _controller("c1", C1DockingLaw, C1DockingParams),
-        "c2": _controller("c2", C2DockingLaw, C2DockingParams),
-        "cbf": _controller("cbf", BarrierLaw, BarrierParams),
-        "graceful": _controller("graceful", GracefulLaw, GracefulParams),
-        "linear": _controller(
-            "linear", lambda params, setup: C1DockingLaw(params.as_c1(), setup), LinearParams
-        ),
+        "c1": _controller(C1DockingLaw, C1DockingParams),
+        "c2": _controller(C2DockingLaw, C2DockingParams),
+        "cbf": _controller(BarrierLaw, BarrierParams),
+        "graceful": _controller(GracefulLaw, GracefulParams),
+        "linear": _controller(lambda params, setup: C1DockingLaw(params.as_c1(), setup), LinearParams),
     },
     methods={"reset": no_result, "step": checked_twist},
     optional={"approach_mps": _checked_speed},
@@ -186,4 +185,4 @@ def build_controller(choice: Choice, setup: DockSetup) -> Controller:
         UnknownNameError: The name is neither registered nor an import path that leads anywhere.
         SceneError: The parameters are wrong, or the class lacks a method.
     """
-    return build("controller", choice, CONTROLLERS, setup)
+    return build("control.docking", choice, CONTROLLERS, setup)

@@ -18,7 +18,7 @@ from msrr_control.kinematics.elementwise import (
     sin,
     where,
 )
-from msrr_scenes.errors import SceneError
+from msrr_scenes.errors import ParameterError
 
 
 class Arc(NamedTuple):
@@ -105,12 +105,11 @@ class EdgeBarrier:
             margin: Angle by which the bound lies inside the outer cone [rad].
 
         Raises:
-            SceneError: The margin leaves nothing of the cone.
+            ParameterError: The margin leaves nothing of the cone.
         """
         self.bound = setup.los.outer - margin
         if self.bound <= 0.0:
-            key, value = "control.docking.params.margin_deg", math.degrees(margin)
-            raise SceneError(f"{key} = {value:g} leaves nothing of los.outer_deg")
+            raise ParameterError({"margin_deg": f"{math.degrees(margin):g} leaves nothing of los.outer_deg"})
         limits, period = setup.limits, 1.0 / setup.rate_hz
         reach = setup.offset - setup.camera_offset + setup.los.setback_m
         quickest = (1.0 + min(setup.camera_offset, 0.0) / reach) * limits.dw_max_radps2

@@ -86,8 +86,8 @@ class DockSetup:
         angle = self.los.angle_at_contact(self.offset - self.camera_offset)
         if angle >= self.los.inner:
             raise SceneError(
-                f"a unit at contact sees the target's edges at {np.degrees(angle):.1f} deg, not inside"
-                f" los.inner_deg = {self.los.inner_deg:g}: it would park short of the port"
+                f"los.inner_deg: a unit at contact sees the target's edges at {np.degrees(angle):.1f} deg, "
+                f"not inside {self.los.inner_deg:g}: it would park short of the port"
             )
 
     @classmethod

@@ -21,8 +21,11 @@ from msrr_control.staging.state_machine import LongDistanceAssembler
 from msrr_scenes.errors import SceneError
 from msrr_scenes.guarded import Check, no_result, plain_text, wrong
 from msrr_scenes.messages import AssemblyPath, AssemblyProgress, FailureReason, Twist
-from msrr_scenes.registry import ExtensionPoint, build
+from msrr_scenes.registry import ExtensionPoint, build, naming_parameters
 from msrr_scenes.specs.spec import Choice
+
+#: Key of a scene that names an assembler.
+_KEY = "control.assembly"
 
 #: Parameters and law of the assemblers that are registered by name.
 _LAWS: Mapping[str, tuple[type[RouteFollowingParams], Callable[..., PathFollowingLaw[Any]]]] = {
@@ -35,7 +38,7 @@ def _law(
     name: str, setup: AssemblySetup, params: dict[str, Any]
 ) -> tuple[RouteFollowingParams, PathFollowingLaw[Any]]:
     kind, law = _LAWS[name]
-    checked = read_params(f"assembler {name!r}", kind, params)
+    checked = read_params(kind, params)
     return checked, law(checked, setup.limits, setup.offset)
 
 
@@ -62,9 +65,10 @@ def build_guided(choice: Choice, setup: AssemblySetup, reaction_s: float) -> Gui
     """
     if choice.name not in _LAWS:
         raise SceneError(
-            f"control.assembly: units that a base station leads drive by 'c1' or 'c2', found {choice.name!r}"
+            f"{_KEY}: units that a base station leads drive by 'c1' or 'c2', found {choice.name!r}"
         )
-    params, law = _law(choice.name, setup, choice.params)
+    with naming_parameters(_KEY, f"assembler {choice.name!r}"):
+        params, law = _law(choice.name, setup, choice.params)
     return GuidedAssembler(params, setup, law, reaction_s)
 
 
@@ -77,7 +81,8 @@ def route_params(choice: Choice) -> RouteFollowingParams | None:
     if choice.name not in _LAWS:
         return None
     kind, _ = _LAWS[choice.name]
-    return read_params(f"assembler {choice.name!r}", kind, choice.params)
+    with naming_parameters(_KEY, f"assembler {choice.name!r}"):
+        return read_params(kind, choice.params)
 
 
 #: Distance beyond which no point of the arena lies [m].
@@ -123,6 +128,7 @@ def _report(kind: type[AssemblyProgress] | type[AssemblyPath]) -> Check:
 #: The long-distance phases by the names that a scene gives them: the paper's C1, and C2, our reading of its
 #: comparison.
 ASSEMBLERS: ExtensionPoint[Assembler] = ExtensionPoint(
+    "assembler",
     {name: _assembler(name) for name in _LAWS},
     methods={"reset": no_result, "step": _decision},
     optional={"progress": _report(AssemblyProgress), "path": _report(AssemblyPath)},
@@ -136,8 +142,8 @@ def build_assembler(choice: Choice, setup: AssemblySetup) -> Assembler:
         UnknownNameError: The name is neither registered nor an import path that leads anywhere.
         SceneError: The parameters are wrong, the class lacks a method or property, or the scene cannot work.
     """
-    built = build("assembler", choice, ASSEMBLERS, setup)
+    built = build(_KEY, choice, ASSEMBLERS, setup)
     for member in ("progress", "path"):
         if not hasattr(built, member):
-            raise SceneError(f"assembler {choice.name!r} has no property {member}")
+            raise SceneError(f"{_KEY}: assembler {choice.name!r} has no property {member}")
     return built

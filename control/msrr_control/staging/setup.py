@@ -138,19 +138,19 @@ class AssemblySetup:
             raise SceneError(f"the active port has to lie ahead of the axle; its offset is {self.offset} m")
         if cruise_mps > 0.75 * self.limits.v_max_mps:
             raise SceneError(
-                f"control.assembly.params.pace.cruise_mps = {cruise_mps:g} leaves nothing to catch up with; "
+                f"control.assembly.params.pace.cruise_mps: {cruise_mps:g} leaves nothing to catch up with; "
                 f"at most three quarters of limits.v_max_mps, {0.75 * self.limits.v_max_mps:g}"
             )
         for name, radius in self.obstacle_radius.items():
             if radius > widest_obstacle_m:
                 raise SceneError(
-                    f"obstacles.{name} has a radius of {radius:.2f} m about its footprint; paths lead around "
+                    f"obstacles.{name}: its radius is {radius:.2f} m about its footprint; paths lead around "
                     f"circles of at most {widest_obstacle_m:.2f} m. Make it of several smaller obstacles"
                 )
         x0, x1, y0, y1 = self.box
         if min(x1 - x0, y1 - y0) < 2.0 * (border_m + self.half_width):
             raise SceneError(
-                f"the arena, as far as the overhead camera sees the top tag of {self.unit!r}, is "
+                f"arena: as far as the overhead camera sees the top tag of {self.unit!r}, it is "
                 f"{x1 - x0:.2f} m by {y1 - y0:.2f} m; a unit that keeps {border_m:.2f} m from its border "
                 "cannot move in it. Enlarge the arena, or raise cameras.overhead.height_m"
             )

@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_perception.detection.native_apriltag import EDGE_TO_CENTRE_PX, DetectorError, tag_bitmap
+from msrr_perception.detection.native_apriltag import EDGE_TO_CENTRE_PX, tag_bitmap
 from msrr_perception.detection.refining_detector import RefiningDetector, check_ranges
 from msrr_scenes.arrays import Array
+from msrr_scenes.errors import ParameterError
 from msrr_scenes.messages import Pixels, TagDetection
 
 #: Families that OpenCV has a dictionary of.
@@ -57,7 +58,7 @@ class ArucoDetector(RefiningDetector):
             refine: Whether corners are refined by :func:`msrr_perception.kernels.edges.refine_corners`.
 
         Raises:
-            DetectorError: A parameter is out of its range, or OpenCV does not know the family.
+            ParameterError: A parameter is out of its range, or OpenCV does not know the family.
         """
         check_ranges(locals(), "max_hamming")
         super().__init__(family, max_hamming, min_decision_margin, refine)
@@ -66,9 +67,7 @@ class ArucoDetector(RefiningDetector):
             ("corner_refinement", corner_refinement, tuple(_REFINEMENTS)),
         ):
             if value not in known:
-                raise DetectorError(
-                    f"{name} of detector 'aruco' has to be one of {', '.join(known)}, found {value!r:.40}"
-                )
+                raise ParameterError({name: f"has to be one of {', '.join(known)}, found {value!r:.40}"})
         dictionary = cv2.aruco.getPredefinedDictionary(_DICTIONARIES[family])
         parameters = cv2.aruco.DetectorParameters()
         parameters.cornerRefinementMethod = _REFINEMENTS[corner_refinement]

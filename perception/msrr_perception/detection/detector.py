@@ -158,7 +158,7 @@ class PupilDetector(RefiningDetector):
         1, and 0.25 in restored images.
 
         Raises:
-            DetectorError: A parameter is out of its range.
+            ParameterError: A parameter is out of its range.
         """
         check_ranges(locals(), "decode_sharpening", "min_white_black_diff", "max_hamming")
         super().__init__(family, max_hamming, min_decision_margin, refine)
@@ -226,6 +226,7 @@ def default_search_detector(
 
 
 DETECTORS: ExtensionPoint[Detector] = ExtensionPoint(
+    "detector",
     {"pupil": PupilDetector, "pyapriltags": PyAprilTagsDetector, "aruco": ArucoDetector},
     methods={"detect": checked_tags},
     optional=dict.fromkeys(("for_blur", "for_large_tags", "for_lens", "for_noise"), of_the_same_kind),
@@ -242,4 +243,4 @@ def scene_detector(scene: Scene) -> Detector:
     choice = scene.control.detector
     if not is_import_path(choice):
         choice = choice.model_copy(update={"params": {"family": scene.tags.family, **choice.params}})
-    return build("detector", choice, DETECTORS)
+    return build("control.detector", choice, DETECTORS)

@@ -31,7 +31,8 @@ class PyAprilTagsDetector(RefiningDetector):
         """Create a detector; parameters are those of :class:`NativeSettings`.
 
         Raises:
-            DetectorError: A parameter is out of its range, or pyapriltags is not installed.
+            ParameterError: A parameter is out of its range.
+            DetectorError: pyapriltags is not installed.
         """
         check_ranges(locals(), "max_hamming")
         super().__init__(family, max_hamming, min_decision_margin, refine)

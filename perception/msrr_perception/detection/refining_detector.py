@@ -15,10 +15,11 @@ from msrr_perception.detection.restoration import restored, restoring_filter
 from msrr_perception.kernels.edges import refine_corners
 from msrr_perception.kernels.lens import NO_LENS, optic_of
 from msrr_scenes.arrays import Array
+from msrr_scenes.errors import ParameterError
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels, TagDetection
-from msrr_scenes.registry import out_of_range
+from msrr_scenes.registry import require_in_range
 from msrr_scenes.specs.tag_families import FAMILIES
 
 #: Smaller images hold no tag and make the library's tiles degenerate [px].
@@ -45,12 +46,10 @@ def check_ranges(parameters: Mapping[str, object], *optional: str) -> None:
         optional: Names of parameters that may be None.
 
     Raises:
-        DetectorError: A parameter is out of its range.
+        ParameterError: A parameter is out of its range.
     """
     ranges = {name: _RANGES[name] for name in parameters if name in _RANGES}
-    wrong = out_of_range(ranges, parameters, optional)
-    if wrong is not None:
-        raise DetectorError(wrong)
+    require_in_range(ranges, parameters, optional)
 
 
 class RefiningDetector(ABC):
@@ -71,10 +70,11 @@ class RefiningDetector(ABC):
         """Create a detector; without ``max_hamming`` as many bits are corrected as the family allows.
 
         Raises:
-            DetectorError: There is no such family.
+            ParameterError: There is no such family.
         """
         if family not in FAMILIES:
-            raise DetectorError(f"family has to be one of {', '.join(FAMILIES)}, found {family!r:.40}")
+            known = ", ".join(FAMILIES)
+            raise ParameterError({"family": f"has to be one of {known}, found {family!r:.40}"})
         self.family = family
         self.max_hamming = FAMILIES[family].corrected_bits if max_hamming is None else max_hamming
         self.min_decision_margin = min_decision_margin

@@ -27,7 +27,7 @@ from msrr_perception.motion.wheel_history import WheelHistory
 from msrr_perception.pose.calibration import DRIVE_SIZE, POSE_SIZE
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.arrays import Array
-from msrr_scenes.errors import SceneError
+from msrr_scenes.errors import ParameterError
 from msrr_scenes.messages import (
     NS_PER_S,
     Detections,
@@ -36,7 +36,7 @@ from msrr_scenes.messages import (
     PoseMeasurement,
     WheelOdometry,
 )
-from msrr_scenes.registry import out_of_range
+from msrr_scenes.registry import require_in_range
 from msrr_scenes.specs.sensors import OdometrySpec
 
 #: End of the errors of the drive in a state.
@@ -101,13 +101,11 @@ class CornerEkf:
                 takes that of a unit near a port with ``slip``.
 
         Raises:
-            SceneError: A parameter is out of its range.
+            ParameterError: A parameter is out of its range.
         """
-        wrong = out_of_range(_RANGES, locals(), optional=("corner_sigma_px",))
-        if wrong is not None:
-            raise SceneError(f"corner_ekf: {wrong}")
+        require_in_range(_RANGES, locals(), optional=("corner_sigma_px",))
         if motion is not None and not isinstance(motion, MotionNoise):
-            raise SceneError("corner_ekf: motion is for programs; a scene gives slip")
+            raise ParameterError({"motion": "it is for programs; a scene gives slip"})
         self.target = target
         self.delay_compensation = delay_compensation
         tilt_sigma = math.radians(tilt_sigma_deg)

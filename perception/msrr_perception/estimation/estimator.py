@@ -121,6 +121,7 @@ def _estimate(result: object, now_ns: int) -> PoseEstimate | None:
 
 
 ESTIMATORS: ExtensionPoint[Estimator] = ExtensionPoint(
+    "estimator",
     {"corner_ekf": CornerEkf},
     methods={
         "add_odometry": no_result,

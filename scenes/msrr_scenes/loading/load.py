@@ -106,7 +106,7 @@ def load_scene(
     document.data.setdefault("name", plain_name(path.stem))
     embed_calibrations(document, path.parent)
     embed_maps(document, path.parent)
-    scene = validated(Scene, document).model_copy(update={"source": path.resolve()})
+    scene = validated(Scene, document).read_from(path.resolve(), document.origins)
     refuse(document, [*contradictions(scene), *overrides_without_effect(scene, overrides)])
     _note_as_good(scene_hash(scene))
     return scene
@@ -152,8 +152,29 @@ def check_scene(scene: Scene) -> None:
     except (MsrrError, OSError, ElementTree.ParseError):  # of a URDF, which the checks explain
         digest = None
     if digest is None or digest not in _GOOD:
-        refuse(YamlDocument({}), contradictions(scene))
+        refuse(_places(scene), contradictions(scene))
         _note_as_good(scene_hash(scene))
+
+
+def placed(scene: Scene, message: str) -> str:
+    """Return a message about a scene with its place: that of the key which a line begins with, or the file.
+
+    Args:
+        scene: The scene.
+        message: Lines, each of which begins with a dotted key and a colon where it is about one key.
+    """
+    places, lines = _places(scene), list[str]()
+    for line in message.splitlines():
+        key, colon, _ = line.partition(": ")
+        path = tuple(int(part) if part.isdecimal() else part for part in key.split("."))
+        known = colon and path[0] in Scene.model_fields
+        lines.append(f"{places.origin(path) if known else scene.source or places.origin(())}: {line}")
+    return "\n".join(lines)
+
+
+def _places(scene: Scene) -> YamlDocument:
+    """Return the places of the values of a scene, but not these."""
+    return YamlDocument({}, dict(scene.origins) or {(): str(scene.source or scene.name)})
 
 
 def scene_hash(scene: Scene) -> str:

@@ -101,7 +101,9 @@ def target_scene(spec: TargetSpec, path: Path, folder: Path, calibration: Calibr
         "plan": [{"unit": ROBOT, "port": spec.robot.port, "to": f"{TARGET}.{port}"}],
         **{key: given[key] for key in _SHARED if key in given},
     }
-    return validated(Scene, YamlDocument(data, {(): str(path)}))
+    origins = {key: at for key, at in read_document(path).origins.items() if key and key[0] in _SHARED}
+    document = YamlDocument(data, {**origins, (): str(path)})
+    return validated(Scene, document).read_from(None, document.origins)
 
 
 def _robot_urdf(spec: TargetSpec, beside: Path, folder: Path) -> Path:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from functools import lru_cache
+from dataclasses import dataclass, field
 from itertools import permutations
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, model_validator
 
 from msrr_scenes.errors import SceneError
-from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.measured_markers import with_markers
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit
 from msrr_scenes.html import html_table
 from msrr_scenes.specs.as_built import GRADES, AsBuiltSpec, Grade, graded_odometry, graded_optics
@@ -26,6 +25,13 @@ from msrr_scenes.specs.spec import Duration, Name, PoseSpec, Spec, Text, between
 from msrr_scenes.specs.vehicle import LimitsSpec, LinkSpec, LockSpec, WheelMotorSpec
 
 AnySpec = TypeVar("AnySpec", bound=Spec)
+
+
+@dataclass(frozen=True)
+class _Origins:
+    """The places of the values of a scene, which make it no other scene."""
+
+    places: Mapping[tuple[str | int, ...], str] = field(compare=False)
 
 
 class Scene(Spec):
@@ -97,6 +103,8 @@ class Scene(Spec):
     source: Path | None = Field(default=None, exclude=True)
     """File that the scene was read from; set by the program."""
 
+    _origins: _Origins = PrivateAttr(default_factory=lambda: _Origins({}))
+
     @model_validator(mode="before")
     @classmethod
     def _grade_data_sheets(cls, data: Any) -> Any:
@@ -114,6 +122,17 @@ class Scene(Spec):
             if isinstance(camera, dict):
                 cameras[name] = {**optics, **camera}
         return {**data, "cameras": cameras, "odometry": {**graded_odometry(cast(Grade, grade)), **odometry}}
+
+    @property
+    def origins(self) -> Mapping[tuple[str | int, ...], str]:
+        """Place of each value that was written: file, line and column, or the option; by the path of keys."""
+        return self._origins.places
+
+    def read_from(self, source: Path | None, origins: Mapping[tuple[str | int, ...], str]) -> Scene:
+        """Return the scene with its file, and with the places of the values that were written."""
+        scene = self.model_copy(update={"source": source})
+        scene._origins = _Origins(origins)
+        return scene
 
     @property
     def docks(self) -> tuple[DockStep, ...]:
@@ -230,7 +249,7 @@ class Scene(Spec):
             tags = [(slot, marker.map.tags[ids[slot]]) for slot in slots]
             poses = tuple((slot, tag.position_m, tag.quaternion_xyzw) for slot, tag in tags)
             measured.append((anchor, poses))
-        return _with_markers(drawn, tuple(measured))
+        return with_markers(drawn, tuple(measured))
 
     def _drawn(self, unit: str) -> UnitGeometry:
         beside, spec = self.source.parent if self.source else None, self.units[unit]
@@ -253,23 +272,6 @@ class Scene(Spec):
     def tag_size(self, unit: str, slot: str) -> float:
         """Return the edge [m] of the black square of the tag on link ``slot`` of a unit."""
         return self.units[unit].tag_size(slot, self.tags)
-
-
-#: A tag of a map: its link, its place [m] and its rotation.
-_MappedTag = tuple[str, tuple[float, ...], tuple[float, ...]]
-
-
-@lru_cache(maxsize=32)
-def _with_markers(
-    drawn: UnitGeometry, markers: tuple[tuple[str, tuple[_MappedTag, ...]], ...]
-) -> UnitGeometry:
-    """Return a geometry with measured markers, each given by the link that anchors its map."""
-    frames = dict[str, SE3]()
-    for anchor, tags in markers:
-        X_MT = {slot: SE3.from_quaternion_xyzw(p, xyzw) for slot, p, xyzw in tags}
-        X_UM = drawn.frame(anchor) @ X_MT[anchor].inverse()
-        frames |= {slot: drawn.frame(slot) if slot == anchor else X_UM @ X for slot, X in X_MT.items()}
-    return replace(drawn, frames={**drawn.frames, **frames})
 
 
 def _regraded(

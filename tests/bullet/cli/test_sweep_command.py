@@ -93,6 +93,19 @@ def test_a_store_that_gets_full_costs_no_result(
     assert len(list(csv.reader((tmp_path / "trials.csv").open()))) == 4
 
 
+def test_a_store_that_cannot_be_opened_is_told_with_the_options(
+    short_trial: list[str], tmp_path: Path, capsys: Capture
+) -> None:
+    """The message said to name another file, of which a sweep has several."""
+    store = tmp_path / "runs" / "sweeps.sqlite"
+    store.parent.mkdir()
+    store.write_text("no database")
+    assert run(["sweep", "close_range", *short_trial, "--seeds", "0:1", "--jobs", "1"]) == 2
+    said = "runs/sweeps.sqlite: cannot be opened as a store of trials (file is not a database); name another"
+    assert f"{said} store; --store names another one, --fresh uses none" in capsys.readouterr().err
+    assert store.read_text() == "no database"
+
+
 @pytest.mark.usefixtures("sweeps_here")
 def test_sweep_writes_the_numbers(short_trial: list[str], tmp_path: Path, capsys: Capture) -> None:
     arguments = ["sweep", "close_range", *short_trial, "--seeds", "0:2", "--jobs", "1"]

@@ -200,7 +200,7 @@ def test_a_spoilt_urdf_of_a_log_is_told_by_the_name_of_the_log(
     with McapRecorder(path, dataclasses.replace(header, files=cut)):
         pass
     told = "urdf/0/unit.urdf: not well-formed XML"
-    of_units = rf"scene: units\.\w\.urdf and \d more units: {told}"
+    of_units = rf"pair: units\.\w\.urdf and \d more units: {told}"
     with pytest.raises(LogError, match=rf"^{re.escape(str(path))}: {of_units}"):
         replay(path, hash_robot)
     with (

@@ -174,7 +174,7 @@ def test_a_file_that_is_no_store(
     alien = tmp_path / "alien.sqlite"
     with sqlite3.connect(alien) as db:
         db.execute("CREATE TABLE recipes (name TEXT)")
-    with pytest.raises(StoreError, match="not a store of this version"):
+    with pytest.raises(StoreError, match=r"alien\.sqlite: a database, but no store of trials; name another"):
         run_sweep(scene, range(1), store=alien, executor=inline, trial=made_up)
     with pytest.raises(StoreError):
         run_sweep(scene, range(1), store=tmp_path, executor=inline, trial=made_up)
@@ -188,7 +188,7 @@ def test_a_store_of_an_earlier_version_is_refused_and_left_as_it_is(
     run_sweep(scene, range(1), store=store, executor=inline, trial=made_up)
     with sqlite3.connect(store) as db:
         db.execute("PRAGMA user_version = 1")
-    with pytest.raises(StoreError, match=r"layout 1.* delete the file, or name another one with --store"):
+    with pytest.raises(StoreError, match=r"layout 1.* delete the file, or name another store"):
         run_sweep(scene, range(1), store=store, executor=inline, trial=made_up)
     with sqlite3.connect(store) as db:
         assert db.execute("PRAGMA user_version").fetchone() == (1,)
@@ -206,7 +206,7 @@ def test_a_result_that_cannot_be_read_is_one_error(
             store.get(result.scene_hash, "code", [0])
         with sqlite3.connect(tmp_path / "trials.sqlite") as db:
             db.execute("UPDATE trials SET result = ?", [made_up(scene, 7).to_json()])
-        with pytest.raises(StoreError, match="seed 0 says that it is of seed 7; use another store"):
+        with pytest.raises(StoreError, match="seed 0 says that it is of seed 7; name another store"):
             store.get(result.scene_hash, "code", [0])
         with sqlite3.connect(tmp_path / "trials.sqlite") as db:
             db.execute("UPDATE trials SET result = '{}'")
@@ -246,7 +246,7 @@ def test_a_place_that_cannot_hold_a_store_is_named_with_the_mend(tmp_path: Path)
     for place, reason in (("notes.txt/trials.sqlite", "File exists"), (".", "unable to open database file")):
         with pytest.raises(StoreError) as caught:
             TrialStore(tmp_path / place)
-        said = f"{tmp_path / place}: cannot be opened as a store of trials ({reason}); name another file"
+        said = f"{tmp_path / place}: cannot be opened as a store of trials ({reason}); name another store"
         assert str(caught.value) == said
 
 

@@ -23,48 +23,115 @@ Load = Callable[..., Scene]
 @pytest.mark.parametrize(
     ("name", "overrides", "says"),
     [
-        ("close_range", {"control.docking": "c3"}, "unknown controller 'c3'"),
+        ("close_range", {"control.docking": "c3"}, "control.docking: unknown controller 'c3'"),
         ("close_range", {"control.docking": "no.such:Law"}, "No module named 'no'"),
-        ("close_range", {"control.docking": "math:pi"}, "controller 'math:pi' is not a class"),
-        ("close_range", {"control.docking.params.k_n": "1"}, "controller 'cbf': k_n: unknown parameter"),
-        ("close_range", {"control.docking.params.k_n_per_s": "-1"}, "controller 'cbf': k_n_per_s"),
-        ("close_range", {"control.estimator": "ekf"}, "unknown estimator 'ekf'"),
-        ("assemble_line", {"control.docking": "c3"}, "unknown controller 'c3'"),
+        (
+            "close_range",
+            {"control.docking": "math:pi"},
+            "docking: controller 'math:pi' is not a class",
+        ),
+        ("close_range", {"control.docking.params.k_n": "1"}, "params.k_n: controller 'cbf': unknown param"),
+        ("close_range", {"control.docking.params.k_n_per_s": "-1"}, "k_n_per_s: controller 'cbf': Input"),
+        (
+            "close_range",
+            {"control.docking.params.margin_deg": "80"},
+            "margin_deg: controller 'cbf': 80",
+        ),
+        ("close_range", {"control.estimator": "ekf"}, "control.estimator: unknown estimator 'ekf'"),
+        ("assemble_line", {"control.docking": "c3"}, "control.docking: unknown controller 'c3'"),
         ("assemble_line", {"control.estimator.params.start_inflation": "{far: 3}"}, "start_inflation"),
-        ("close_range", {"control.estimator.params.slip": "0"}, "slip has to be a number from 1e-06 to 1"),
+        ("close_range", {"control.estimator.params.slip": "0"}, "has to be a number from 1e-06 to 1"),
         ("close_range", {"control.estimator.params.slop": "1"}, "estimator 'corner_ekf' does not take"),
         ("close_range", {"control.detector": "pupl"}, "did you mean 'pupil'?"),
         (
             "close_range",
             {"control.detector.params.quad_decimate": "1e300"},
-            "quad_decimate has to be a number",
+            "quad_decimate: detector 'pupil': has to be a number",
         ),
         (
             "close_range",
             {"control.detector.params.max_hamming": ".nan"},
-            "max_hamming has to be a number from 0",
+            "max_hamming: detector 'pupil': has to be a number from 0",
         ),
-        ("close_range", {"control.detector.params.family": "tag99"}, "family has to be one of tag16h5"),
+        ("close_range", {"control.detector.params.family": "tag99"}, "has to be one of tag16h5"),
         ("close_range", {"cameras.onboard.renderer": "rasta"}, "unknown renderer 'rasta'"),
         ("close_range", {"control.assembly": "c9"}, "unknown assembler 'c9'"),
         (
             "two_units",
             {"control.assembly": "{name: c2, params: {feedback: {k: 1}}}"},
-            "assembler 'c2': feedback.k",
+            "params.feedback.k: assembler 'c2': unknown parameter",
         ),
-        ("two_units", {"control.assembly.params.pace.cruise_mps": "0.39"}, "leaves nothing to catch up with"),
+        (
+            "two_units",
+            {"control.assembly.params.pace.cruise_mps": "0.39"},
+            "0.39 leaves nothing to catch",
+        ),
         ("two_units", {"control.assembly.params.route.handover_m": "3.5"}, "lies outside the arena"),
         ("three_units", {"time_limit_s": "28"}, "time_limit_s: the steps take at least"),
     ],
 )
-def test_what_a_trial_could_not_be_built_of_is_refused_with_its_kind(
+def test_what_a_trial_could_not_be_built_of_is_refused_with_its_place(
     name: str, overrides: Mapping[str, str], says: str, shipped: Load
 ) -> None:
     scene = shipped(name, overrides, blind=True)
     with pytest.raises(SceneError) as caught:
         check_trial(scene)
     assert says in str(caught.value)
-    assert f"{name}.yaml: " in str(caught.value)
+    (key, value), *_ = overrides.items()
+    of_file = rf"\S*/{name}\.yaml:\d+:\d+: plan\.0: "
+    assert re.match(rf"override {re.escape(f'{key}={value}: {key}')}|{of_file}", str(caught.value))
+
+
+CHOICES = """units:
+  a: {number: 0, pose: {x_m: -0.7, frame: b.rear}}
+  b: {number: 1}
+as_built: perfect
+cameras:
+  onboard:
+    renderer:
+      name: tiny
+      params: {floor: composited}
+  overhead:
+    renderer: raster
+plan: [{unit: a, to: b.rear}]
+control:
+  assembly:
+    params: {widest_obstacle_m: 1.0}
+  docking: {name: c2, params: {feedback:
+    {k_per_s: 4.0}}}
+  estimator:
+    params:
+      slip: 0.1
+  detector: pupil
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place"),
+    [
+        ("composited", "wood", "9:16: cameras.onboard.renderer.params.floor: renderer 'tiny': has to be"),
+        ("floor: ", "flor: ", "9:16: cameras.onboard.renderer.params.flor: renderer 'tiny' does not take"),
+        ("name: tiny", "name: own", "7:5: cameras.onboard.renderer: unknown renderer 'own'"),
+        ("raster", "rasta", "11:5: cameras.overhead.renderer: unknown renderer 'rasta'"),
+        ("  assembly:", "  assembly:\n    name: c9", "14:3: control.assembly: unknown assembler 'c9'"),
+        ("_m: 1.0", "_m: wide", "15:14: control.assembly.params.widest_obstacle_m: assembler 'c1': Input"),
+        ("name: c2", "name: c9", "16:3: control.docking: unknown controller 'c9'"),
+        ("4.0", "oops", "17:6: control.docking.params.feedback.k_per_s: controller 'c2': Input should be"),
+        ("slip: 0.1", "slip: x", "20:7: control.estimator.params.slip: estimator 'corner_ekf': has to be"),
+        ("slip: ", "slop: ", "20:7: control.estimator.params.slop: estimator 'corner_ekf' does not take"),
+        ("pupil", "math:pi", "21:3: control.detector: detector 'math:pi' is not a class"),
+    ],
+)
+def test_the_place_of_a_wrong_choice_is_its_line(old: str, new: str, place: str, tmp_path: Path) -> None:
+    """The file alone was named, and of two cameras neither."""
+    path = tmp_path / "scene.yaml"
+    path.write_text(CHOICES)
+    load_scene(path)
+    assert CHOICES.count(old) == 1
+    path.write_text(CHOICES.replace(old, new))
+    with pytest.raises(SceneError) as caught:
+        check_trial(load_scene(path))
+    assert str(caught.value).startswith(f"{path}:{place}")
 
 
 SHAPES = """
@@ -219,7 +286,7 @@ def test_a_shape_is_refused_that_does_not_fit_around_the_root_of_an_assembly(
     if key:
         with pytest.raises(SceneError) as caught:
             check_trial(load_scene(path, blind))
-        assert f"chain.yaml: {key}: the shape and the lanes to it do not fit" in str(caught.value)
+        assert f": {key}: the shape and the lanes to it do not fit" in str(caught.value)
         assert "move units.a.pose, enlarge the arena, or raise cameras" in str(caught.value)
     check_trial(load_scene(path, {**blind, **({"units.a.pose.y_m": "0"} if key else {})}))
 
@@ -255,8 +322,8 @@ def test_dock_sweep_and_check_refuse_alike(
     options = ["--set", "control.docking=c3", "--set", "plant=unicycle", "--set", "perception=parametric"]
     for command in ("check", "dock", "sweep"):
         assert run([command, "close_range", *options]) == 2
-        told = f"msrr: with --set {' --set '.join(options[1::2])}: {found.copy().pop()}"
-        assert told in capsys.readouterr().err
+        told = found.copy().pop().removeprefix("override")
+        assert f"msrr: --set{told}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", ["check", "dock", "sweep", "tolerance"])

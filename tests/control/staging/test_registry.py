@@ -105,5 +105,5 @@ def test_bad_choices_are_refused(
 
 def test_an_obstacle_that_no_circle_can_stand_for_is_refused(setup: AssemblySetup) -> None:
     fenced = replace(setup, obstacle_radius={"fence": 0.8})
-    with pytest.raises(SceneError, match=r"obstacles\.fence has a radius of 0\.80 m"):
+    with pytest.raises(SceneError, match=r"obstacles\.fence: its radius is 0\.80 m"):
         build_assembler(Choice(name="c1"), fenced)

@@ -36,7 +36,7 @@ def test_the_facts_are_those_of_the_scene(setup: AssemblySetup) -> None:
     [
         ({"offset": -0.1}, (0.22, 0.5, 0.1), "ahead of the axle"),
         ({}, (0.39, 0.5, 0.1), "three quarters"),
-        ({"obstacle_radius": {"fence": 0.8}}, (0.22, 0.5, 0.1), "fence has a radius of 0.80 m"),
+        ({"obstacle_radius": {"fence": 0.8}}, (0.22, 0.5, 0.1), "fence: its radius is 0.80 m"),
         ({}, (0.22, 0.5, 1.5), "cannot move in it"),
     ],
 )

@@ -27,6 +27,7 @@ from msrr_perception.detection.native_apriltag import (
 )
 from msrr_perception.detection.windows import ExpectedTag
 from msrr_perception.pose.target import TargetModel, pose_vector
+from msrr_scenes.errors import ParameterError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Pixels, TagDetection
@@ -261,7 +262,7 @@ def test_misuse_is_named() -> None:
         {"min_white_black_diff": 0},
         {"quad_decimate": None},
     ):
-        with pytest.raises(DetectorError, match="has to be a number"):
+        with pytest.raises(ParameterError, match="has to be a number"):
             PupilDetector(**wrong)
 
 

@@ -14,6 +14,7 @@ import pytest
 from msrr_perception.detection.aruco_detector import ArucoDetector
 from msrr_perception.detection.detector import DETECTORS, Detector, PupilDetector, scene_detector
 from msrr_perception.detection.native_apriltag import DetectorError, tag_bitmap
+from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels
 from msrr_scenes.registry import build
@@ -103,9 +104,9 @@ def test_a_scene_names_them_and_mistakes_are_named(scene: Scene) -> None:
         return scene.model_copy(update={"control": control})
 
     assert isinstance(scene_detector(with_detector("aruco", corner_refinement="none")), ArucoDetector)
-    with pytest.raises(DetectorError, match="corner_refinement of detector 'aruco' has to be one of none"):
+    with pytest.raises(SceneError, match="corner_refinement: detector 'aruco': has to be one of none"):
         scene_detector(with_detector("aruco", corner_refinement="best"))
-    with pytest.raises(DetectorError, match="family of detector 'aruco' has to be one of tag16h5"):
+    with pytest.raises(SceneError, match="family: detector 'aruco': has to be one of tag16h5"):
         scene_detector(with_detector("aruco", family="tagStandard41h12"))
 
 
