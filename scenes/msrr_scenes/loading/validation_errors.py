@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import types
 import typing
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,6 +26,8 @@ _NAME = "a name of at most 32 lower-case letters, digits and underscores that st
 _TAGS: Mapping[type[BaseModel], str] = {DockStep: "dock", UndockStep: "undock", MoveStep: "move"}
 #: Largest number of places of a key that are named where it is none.
 _MOST_PLACES = 5
+#: Mend of a decimal comma, which separates entries in YAML.
+_POINT = "; a decimal fraction has a point, as in 0.5"
 _NOT_KEYS = {"source"}  # fields that the program fills in
 
 
@@ -41,6 +44,8 @@ def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel]) 
     found = _shown(given)
     context = error.get("ctx", {})
     if kind == "extra_forbidden":
+        if str(loc[-1]).isdecimal() and given is None:  # {x_m: 0,3} has the key 3, without a value
+            return Problem(path, f"unknown key{_POINT}")
         keys = _keys_at(root, loc[:-1])
         here = f" Keys here: {', '.join(keys)}" if keys else ""
         return Problem(path, f"unknown key{_meant(str(loc[-1]), keys, root)}{here}")
@@ -58,7 +63,8 @@ def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel]) 
             else Problem(path, f"expected at least {context['min_length']} entry, found {found}")
         )
     if kind == "too_long":
-        return Problem(path, f"expected at most {context['max_length']} entries, found {len(given)}")
+        point = _POINT if len(given) == 2 * context["max_length"] else ""
+        return Problem(path, f"expected at most {context['max_length']} entries, found {len(given)}{point}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _wrong_tag((*path, context["discriminator"].strip("'")), _tags(root, loc), context.get("tag"))
     if kind == "literal_error":
@@ -66,7 +72,8 @@ def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel]) 
         return Problem(path, f"expected {context['expected']}, found {found}{nearest(given, valid)}")
     if kind == "string_pattern_mismatch":
         return Problem(path, f"expected {_PATTERNS.get(str(loc[-1]), _NAME)}, found {found}")
-    return Problem(path, _plainly(error["msg"], found))
+    point = _POINT if isinstance(given, str) and re.fullmatch(r"[+-]?\d+,\d+", given) else ""
+    return Problem(path, _plainly(error["msg"], found) + point)
 
 
 def _wrong_tag(path: KeyPath, tags: list[str], tag: str | None) -> Problem:
