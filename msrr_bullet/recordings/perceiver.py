@@ -144,7 +144,7 @@ class Perceiver:
         """Read the tags of a frame, with what is known when it is exposed."""
         try:
             self._check_stamp(frame)
-            pixels = self._checked(frame.decode(), frame.name)
+            pixels = self.read(frame)
         except PictureError as error:
             self.report(str(error))
             return
@@ -165,13 +165,18 @@ class Perceiver:
         if frame.stamp_ns == self._exposed_ns:
             raise PictureError(f"{frame.name}: it has the time stamp of another frame, which is used instead")
 
-    def _checked(self, pixels: Pixels, name: str) -> Pixels:
-        camera = self.target.camera
+    def read(self, frame: RecordedFrame) -> Pixels:
+        """Return the pixels of a frame.
+
+        Raises:
+            PictureError: It cannot be read, or is of another size than the calibration.
+        """
+        pixels, camera = frame.decode(), self.target.camera
         if pixels.shape != (camera.height, camera.width):
             height, width = pixels.shape
             raise PictureError(
-                f"{name}: {width} x {height} px, and the calibration is of pictures of {camera.width} x "
-                f"{camera.height} px"
+                f"{frame.name}: {width} x {height} px, and the calibration is of pictures of "
+                f"{camera.width} x {camera.height} px"
             )
         return pixels
 

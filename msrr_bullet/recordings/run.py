@@ -19,7 +19,7 @@ from msrr_bullet.log.recorder import NullRecorder, Recorder
 from msrr_bullet.log.records import Event, FrameLink, FrameLinks, Level, StartPoses, StepStart
 from msrr_bullet.recordings.opening import open_recording
 from msrr_bullet.recordings.perceiver import PerceivedInstant, Perceiver, random_walk
-from msrr_bullet.recordings.recording import Recording, RecordingError, frame_period_s
+from msrr_bullet.recordings.recording import RecordedFrame, Recording, RecordingError, frame_period_s
 from msrr_bullet.recordings.result import RecordingResult, Tally
 from msrr_bullet.recordings.wheels import WheelReader
 from msrr_bullet.run_folder import (
@@ -38,7 +38,7 @@ from msrr_bullet.timeline.log_snapshots import read_events, read_snapshots
 from msrr_bullet.trial.versions import trial_versions
 from msrr_bullet.viewer.replay_page import write_replay
 from msrr_perception.motion.motion_noise import MotionNoise
-from msrr_perception.photographs.picture_files import FILMS, PICTURES
+from msrr_perception.photographs.picture_files import FILMS, PICTURES, PictureError
 from msrr_scenes.errors import ChangedFileError, MsrrError, ProgramFailedError, SceneError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
@@ -108,7 +108,7 @@ def perceive(
         scene = target_scene(spec, target, Path(folder), calibration)
         if options.rate_hz is not None:
             scene = _at_rate(scene, options.rate_hz)
-        _refuse_unbuildable(scene)  # before a run that is in the folder gives way to the new one
+        _refuse_unusable(scene, recording)  # before a run that is in the folder gives way to the new one
         if out is None:
             return _run(scene, spec, recording, NullRecorder(), report, observer)
         with _recorder(out, scene, recording, lock) as recorder:
@@ -117,14 +117,25 @@ def perceive(
     return result
 
 
-def _refuse_unbuildable(scene: Scene) -> None:
-    """Refuse the scene of a target file of which the detector or the estimator cannot be built."""
+def _refuse_unusable(scene: Scene, recording: Recording) -> None:
+    """Refuse a target of which the perception cannot be built, and a recording without a usable picture."""
     try:
-        Perceiver(scene, NullRecorder(), report=lambda _: None)
+        perceiver = Perceiver(scene, NullRecorder(), report=lambda _: None)
     except (ProgramFailedError, ChangedFileError):
         raise
     except MsrrError as error:
         raise SceneError(placed(scene, str(error))) from error
+    first: PictureError | None = None
+    for frame in recording.items():
+        if isinstance(frame, RecordedFrame):
+            try:
+                perceiver.read(frame)
+            except PictureError as error:
+                first = first or error
+            else:
+                return
+    if first is not None:
+        raise RecordingError(f"no picture can be used; the first one: {first}")
 
 
 def _would_delete(out: Path, path: Path) -> bool:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from msrr_perception.photographs.tag_finder import TagFinder
 from msrr_scenes.arrays import Array
-from msrr_scenes.errors import MsrrError, nearest
+from msrr_scenes.errors import MsrrError, UnknownNameError
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.messages import Pixels
 
@@ -153,12 +153,13 @@ class CharucoBoard:
             dictionary: Name of the dictionary of OpenCV, such as ``DICT_4X4_50``.
 
         Raises:
-            BoardError: There is no such board or dictionary.
+            BoardError: There is no such board.
+            UnknownNameError: There is no such dictionary.
         """
         known = [name.removeprefix(_DICTIONARY) for name in dir(cv2.aruco) if name.startswith(_DICTIONARY)]
         name = dictionary.removeprefix(_DICTIONARY)
         if name not in known:
-            raise BoardError(f"unknown dictionary {dictionary!r}{nearest(name, known)}")
+            raise UnknownNameError("dictionary", dictionary, known)
         markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, _DICTIONARY + name))
         count, most = columns * rows // 2, len(markers.bytesList)
         if min(columns, rows) < 3 or count > most:
@@ -213,7 +214,7 @@ class TagGrid:
 
         Raises:
             BoardError: The tags overlap, or there are fewer than two.
-            DetectorError: There is no such family.
+            ParameterError: There is no such family.
         """
         if columns * rows < 2 or not 0.0 < tag_size < pitch:
             raise BoardError(

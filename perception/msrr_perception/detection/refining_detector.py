@@ -15,7 +15,7 @@ from msrr_perception.detection.restoration import restored, restoring_filter
 from msrr_perception.kernels.edges import refine_corners
 from msrr_perception.kernels.lens import NO_LENS, optic_of
 from msrr_scenes.arrays import Array
-from msrr_scenes.errors import ParameterError
+from msrr_scenes.errors import ParameterError, UnknownNameError
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels, TagDetection
@@ -73,8 +73,8 @@ class RefiningDetector(ABC):
             ParameterError: There is no such family.
         """
         if family not in FAMILIES:
-            known = ", ".join(FAMILIES)
-            raise ParameterError({"family": f"has to be one of {known}, found {family!r:.40}"})
+            unknown = UnknownNameError("tag family", f"{family!s:.40}", FAMILIES)
+            raise ParameterError({"family": str(unknown)})
         self.family = family
         self.max_hamming = FAMILIES[family].corrected_bits if max_hamming is None else max_hamming
         self.min_decision_margin = min_decision_margin

@@ -59,7 +59,7 @@ class PictureReader:
 
         Raises:
             SceneError: There is a size without a calibration, or it is that of no tag.
-            DetectorError: There is no such family.
+            UnknownNameError: There is no such family.
         """
         if tag_size is not None and calibration is None:
             raise SceneError("the size of a tag gives poses only with the calibration of the camera")

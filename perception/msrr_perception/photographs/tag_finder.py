@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 
 from msrr_perception.detection import native_apriltag
-from msrr_perception.detection.native_apriltag import DetectorError, NativeSettings
+from msrr_perception.detection.native_apriltag import NativeSettings
 from msrr_perception.kernels.edges import RefinedCorners, refine_corners
 from msrr_perception.kernels.lens import NO_LENS, optic_of
 from msrr_scenes.arrays import Array
-from msrr_scenes.errors import nearest
+from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.messages import Pixels, TagDetection
 from msrr_scenes.specs.tag_families import FAMILIES
@@ -71,14 +71,11 @@ class TagFinder:
             lens: Lens without which edges are straight; None if it is not known.
 
         Raises:
-            DetectorError: There is no such family.
+            UnknownNameError: There is no such family.
         """
         for family in families:
             if family not in FAMILIES:
-                known = ", ".join(FAMILIES)
-                raise DetectorError(
-                    f"unknown tag family {family!r}{nearest(family, FAMILIES)} Known: {known}."
-                )
+                raise UnknownNameError("tag family", family, FAMILIES)
         self.families = tuple(dict.fromkeys(families))
         self._optic = NO_LENS if lens is None else optic_of(lens)
 

@@ -97,14 +97,35 @@ def test_many_pictures_of_another_size_are_not_named_one_by_one(
     folder.mkdir()
     for i in range(13):
         (folder / f"{i:02d}.png").write_bytes(png(np.zeros((48, 64), np.uint8)))
+    (folder / "13.png").write_bytes(png(np.zeros((480, 640), np.uint8)))
     assert run(_arguments(folder, trial, tmp_path / "out")) == 2
     printed = capsys.readouterr()
     messages = printed.err.strip().splitlines()
     size = "64 x 48 px, and the calibration is of pictures of 640 x 480 px"
     named = [f"msrr: {folder / f'{i:02d}.png'}: {size}" for i in (*range(10), 12)]
     assert messages == [*named[:10], "msrr: 2 more messages; the log has all of them as events", named[10]]
-    assert "no estimate: no frame could be used" in printed.out
     assert len(list(read_log(tmp_path / "out").messages(Event))) == 13
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("small.png", png(np.zeros((48, 64), np.uint8)), "64 x 48 px, and the calibration is of pictures of"),
+        ("notes.txt", b"no picture", "not a picture that OpenCV can read"),
+    ],
+)
+def test_a_recording_without_a_usable_picture_leaves_the_run_that_is_there(
+    name: str, content: bytes, says: str, trial: Trial, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A mistyped path replaced the run by an empty one."""
+    (tmp_path / name).write_bytes(content)
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "trial.mcap").write_bytes(b"of an earlier run")
+    assert run(_arguments(tmp_path / name, trial, out)) == 2
+    told = f"msrr: no picture can be used; the first one: {tmp_path / name}: {says}"
+    assert capsys.readouterr().err.startswith(told)
+    assert [file.read_bytes() for file in out.iterdir()] == [b"of an earlier run"]
 
 
 @pytest.mark.nightly

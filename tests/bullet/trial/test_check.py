@@ -53,7 +53,7 @@ Load = Callable[..., Scene]
             {"control.detector.params.max_hamming": ".nan"},
             "max_hamming: detector 'pupil': has to be a number from 0",
         ),
-        ("close_range", {"control.detector.params.family": "tag99"}, "has to be one of tag16h5"),
+        ("close_range", {"control.detector.params.family": "tag99"}, "unknown tag family 'tag99'"),
         ("close_range", {"cameras.onboard.renderer": "rasta"}, "unknown renderer 'rasta'"),
         ("close_range", {"control.assembly": "c9"}, "unknown assembler 'c9'"),
         (

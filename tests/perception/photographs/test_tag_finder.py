@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from msrr_perception.detection.detector import PupilDetector
-from msrr_perception.detection.native_apriltag import DetectorError
 from msrr_perception.photographs.picture_files import picture_files, read_picture
 from msrr_perception.photographs.tag_finder import TagFinder
+from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels
 from msrr_scenes.specs.tag_families import FAMILIES
@@ -73,7 +73,7 @@ def test_every_family_can_be_searched_for(two_tags: Pixels) -> None:
 
 
 def test_unknown_families_are_refused() -> None:
-    with pytest.raises(DetectorError, match="did you mean 'tag36h11'"):
+    with pytest.raises(UnknownNameError, match="did you mean 'tag36h11'"):
         TagFinder(["tag36h1"])
 
 
