@@ -116,8 +116,9 @@ def read_truth(folder: Path) -> dict[str, frozenset[int]]:
             if name:
                 truth[name] = frozenset(_ids(ids, f"{file}, line {number}"))
     except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
         raise PictureError(
-            f"{file}: cannot be read ({error}); each line is the name of a photograph and the ids of its tags"
+            f"{file}: cannot be read ({reason}); a line is the name of a photograph and the ids of its tags"
         ) from error
     return truth
 

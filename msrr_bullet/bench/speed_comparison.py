@@ -77,8 +77,9 @@ def variants_of(
     """
     variants: dict[str, Scene] = {}
     for grade in grades or (None,):
-        changed = {**overrides, **({"as_built": grade} if grade else {})}
-        scene = load_scene(name, changed, told_as="--set")
+        graded = {"as_built": grade} if grade else {}
+        options = {**dict.fromkeys(overrides, "--set"), **dict.fromkeys(graded, "--grade")}
+        scene = load_scene(name, {**overrides, **graded}, told_as=options)
         for number in units or (None,):
             parts = [grade] if grade else []
             if number is not None:

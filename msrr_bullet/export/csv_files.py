@@ -86,7 +86,7 @@ def write_csv(log: Log, folder: str | Path) -> tuple[Path, ...]:
 
     Raises:
         RunFolderError: The folder cannot be written.
-        ExportError: A file in it cannot be written.
+        ExportError: A file in it cannot be written, or no table has a row.
         LogError: The log is damaged.
     """
     folder = Path(folder)
@@ -103,6 +103,8 @@ def write_csv(log: Log, folder: str | Path) -> tuple[Path, ...]:
                     if table is not None:
                         for row in table.rows(record, record.message):
                             files.add(table.name, table.columns, row)
+                if not files.names:
+                    raise ExportError(f"{log.path}: no message of which a table has a row; none is written")
                 snapshots = read_snapshots(log)
                 for row in _approach_rows(log.header.scene, snapshots) if snapshots else ():
                     files.add(APPROACH, _APPROACH_COLUMNS, row)

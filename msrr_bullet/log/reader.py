@@ -218,7 +218,7 @@ def read_log(path: str | Path) -> Log:
     except OSError as error:
         raise LogError(f"{path}: cannot read the log: {error.strerror}") from error
     if start != MAGIC:
-        raise LogError(f"{path}: not an MCAP file")
+        raise LogError(f"{path}: not an MCAP file; name a run folder, or the {LOG_NAME} in one")
     metadata: dict[str, str] | None = None
     files: dict[str, bytes] = {}
     for record in mcap_records(path, complete, ()):

@@ -127,7 +127,7 @@ def read_trials(path: Path, chosen: Mapping[str, str]) -> tuple[dict[str, str], 
                         raise SceneError(f"{place}: {text}; give one sweep a file")
                 _add(trials, row, place)
     except OSError as error:
-        raise SceneError(f"{path}: {error.strerror}") from None
+        raise SceneError(f"{path}: {error.strerror}; give a table of msrr sweep --csv") from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise SceneError(f"{path}: not a table of trials ({error}); give one of msrr sweep --csv") from None
     if chosen and not trials:

@@ -193,7 +193,9 @@ def _compose(text: str, source: str) -> yaml.Node | None:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = _position(source, mark.line, mark.column) if mark else source
-        raise SceneError(f"{place}: not valid YAML: {error.problem or error.context}") from None
+        found = error.problem or error.context
+        problem = "a tab; indent with spaces" if r"'\t'" in str(found) else found
+        raise SceneError(f"{place}: not valid YAML: {problem}") from None
     except yaml.reader.ReaderError as error:
         line_start = text.rfind("\n", 0, error.position) + 1
         place = _position(source, text.count("\n", 0, error.position), error.position - line_start)

@@ -19,6 +19,7 @@ from msrr_bullet.bench.speed_comparison import (
 )
 from msrr_bullet.bench.trial_speed import BenchError
 from msrr_bullet.cli.app import run
+from msrr_scenes.errors import SceneError
 from msrr_scenes.specs.mission import ShapeSpec
 
 Capture = pytest.CaptureFixture[str]
@@ -107,6 +108,8 @@ def test_many_units_build_a_line_of_the_first_of_them() -> None:
         assert scene.shape == (ShapeSpec(line=number),)
     with pytest.raises(BenchError, match="--units 9: expected from 2 to 8"):
         variants_of("assemble_cross", {}, [], [9])
+    with pytest.raises(SceneError, match=r"^--grade as_built=carefull: "):
+        variants_of("assemble_cross", {}, ["carefull"], [])
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from msrr_bullet.export import ExportError, documented_tables, write_csv
 from msrr_bullet.export.csv_files import TABLES
 from msrr_bullet.log import LOG_NAME, LogError, read_log
 from msrr_bullet.log.formats import message_types
+from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.records import CameraWindow, FrameLinks
 from msrr_bullet.run_folder import RunFolderError
 from msrr_scenes.messages import Action, Detections, LosStatus, ObstacleEstimate, PoseEstimate
@@ -188,6 +189,17 @@ def test_an_export_that_fails_leaves_the_tables_of_before(short_run, short_log, 
     with pytest.raises(ExportError, match="cannot be written"), room(4096):
         write_csv(short_log, tmp_path / "csv")
     assert {path: path.read_bytes() for path in (tmp_path / "csv").iterdir()} == before
+
+
+def test_a_log_without_a_message_leaves_the_tables_of_before(short_log, folder, tmp_path):
+    """It was an export of no table, which deleted those that were there."""
+    kept = shutil.copytree(folder, tmp_path / "tables")
+    names = {file.name for file in kept.iterdir()}
+    with McapRecorder(tmp_path / "empty.mcap", short_log.header):
+        pass
+    with pytest.raises(ExportError, match=r"empty\.mcap: no message of which a table has a row"):
+        write_csv(read_log(tmp_path / "empty.mcap"), kept)
+    assert {file.name for file in kept.iterdir()} == names
 
 
 def test_a_mission_has_its_tables(line_log, mission_folder):

@@ -188,6 +188,7 @@ def test_the_issues_start_sets_and_limits() -> None:
         ("radius_m: 0.05", "radius_m: 0,05", ["found '0,05'; a decimal fraction has a point"]),
         ("plan:", "arena: {x_m: [-1,5, 1,5]}\nplan:", ["at most 2 entries, found 4; a decimal fraction"]),
         ("plan:", "plan: {", ["not valid YAML"]),
+        ("    number: 1", "\tnumber: 1", ["scene.yaml:5:1: not valid YAML: a tab; indent with spaces"]),
         ("{x_m: 0.4}", "{x_m: !!python/name:os.system }", ["scene.yaml:6", "not allowed"]),
         ("{x_m: 0.4}", "{<<: {x_m: 0.4}}", ["scene.yaml:6", "merge keys"]),
         ("{x_m: 0.4}", "{[1]: 0.4}", ["scene.yaml:6", "plain word"]),
