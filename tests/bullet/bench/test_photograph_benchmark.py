@@ -67,7 +67,7 @@ def test_lists_that_are_wrong_are_named(tmp_path: Path, capsys: pytest.CaptureFi
         with pytest.raises(PictureError, match=message):
             benchmark_photographs(tmp_path)
     assert run(["bench", "detection", "--photographs", str(tmp_path / "none")]) == BAD_INPUT
-    assert "each line is the name of a photograph" in capsys.readouterr().err
+    assert "a line is the name of a photograph" in capsys.readouterr().err
     assert run(["bench", "cameras", "--photographs", str(tmp_path)]) == BAD_INPUT
 
 
