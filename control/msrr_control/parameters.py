@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from msrr_scenes.errors import ParameterError, nearest
+from msrr_scenes.errors import ParameterError, nearest_key
 from msrr_scenes.specs.spec import Spec
 
 P = TypeVar("P", bound=Spec)
@@ -33,7 +33,7 @@ def read_params(kind: type[P], params: dict[str, Any]) -> P:
 def _explain(fault: ErrorDetails, kind: type[Spec]) -> str:
     if fault["type"] == "extra_forbidden":
         keys = _keys_beside(fault["loc"], kind)
-        return f"unknown parameter{nearest(fault['loc'][-1], keys)} Parameters here: {', '.join(keys)}"
+        return f"unknown parameter{nearest_key(fault['loc'][-1], keys)} Parameters here: {', '.join(keys)}"
     message = fault["msg"].removeprefix("Value error, ")
     return message if fault["type"] == "value_error" else f"{message}, found {fault['input']!r}"
 

@@ -61,6 +61,15 @@ def nearest(name: object, valid: Iterable[str]) -> str:
     return f"; did you mean {near[0]!r}?" if near else "."
 
 
+#: Mend of a decimal comma, which separates entries in YAML.
+DECIMAL_POINT = "; a decimal fraction has a point, as in 0.5"
+
+
+def nearest_key(key: object, valid: Iterable[str]) -> str:
+    """Return what :func:`nearest` does, and of a number, such as the 3 of ``{x_m: 0,3}``, the mend."""
+    return f"{DECIMAL_POINT}." if str(key).isdecimal() else nearest(key, valid)
+
+
 class UnknownNameError(MsrrError):
     """A name that belongs to no registered or importable implementation."""
 

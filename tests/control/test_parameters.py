@@ -23,6 +23,7 @@ def test_parameters_are_checked_and_completed() -> None:
             {"pace": {"ramp_s": -1.0}},
             "pace.ramp_s: Input should be greater than or equal to 0.001",
         ),
+        ({"pace": {"ramp_s": 0, "5": None}}, "pace.5: unknown parameter; a decimal fraction has a point"),
         ({"guidance": {"u_max_mps2": 0.1}}, "guidance: envelope.gamma = 0.28 m/s2 has to be less than"),
     ],
 )

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 from msrr_scenes.checks.problems import KeyPath, Problem
-from msrr_scenes.errors import nearest
+from msrr_scenes.errors import DECIMAL_POINT, nearest, nearest_key
 from msrr_scenes.loading.yaml_document import YamlDocument
 from msrr_scenes.specs.plan import DockStep, MoveStep, UndockStep
 
@@ -26,8 +26,6 @@ _NAME = "a name of at most 32 lower-case letters, digits and underscores that st
 _TAGS: Mapping[type[BaseModel], str] = {DockStep: "dock", UndockStep: "undock", MoveStep: "move"}
 #: Largest number of places of a key that are named where it is none.
 _MOST_PLACES = 5
-#: Mend of a decimal comma, which separates entries in YAML.
-_POINT = "; a decimal fraction has a point, as in 0.5"
 _NOT_KEYS = {"source"}  # fields that the program fills in
 
 
@@ -44,8 +42,6 @@ def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel]) 
     found = _shown(given)
     context = error.get("ctx", {})
     if kind == "extra_forbidden":
-        if str(loc[-1]).isdecimal() and given is None:  # {x_m: 0,3} has the key 3, without a value
-            return Problem(path, f"unknown key{_POINT}")
         keys = _keys_at(root, loc[:-1])
         here = f" Keys here: {', '.join(keys)}" if keys else ""
         return Problem(path, f"unknown key{_meant(str(loc[-1]), keys, root)}{here}")
@@ -63,7 +59,7 @@ def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel]) 
             else Problem(path, f"expected at least {context['min_length']} entry, found {found}")
         )
     if kind == "too_long":
-        point = _POINT if len(given) == 2 * context["max_length"] else ""
+        point = DECIMAL_POINT if len(given) == 2 * context["max_length"] else ""
         return Problem(path, f"expected at most {context['max_length']} entries, found {len(given)}{point}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _wrong_tag((*path, context["discriminator"].strip("'")), _tags(root, loc), context.get("tag"))
@@ -72,7 +68,7 @@ def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel]) 
         return Problem(path, f"expected {context['expected']}, found {found}{nearest(given, valid)}")
     if kind == "string_pattern_mismatch":
         return Problem(path, f"expected {_PATTERNS.get(str(loc[-1]), _NAME)}, found {found}")
-    point = _POINT if isinstance(given, str) and re.fullmatch(r"[+-]?\d+,\d+", given) else ""
+    point = DECIMAL_POINT if isinstance(given, str) and re.fullmatch(r"[+-]?\d+,\d+", given) else ""
     return Problem(path, _plainly(error["msg"], found) + point)
 
 
@@ -182,7 +178,7 @@ def _meant(key: str, keys: list[str], root: type[BaseModel]) -> str:
     """Return where else a key is one, else ``; did you mean 'x'?`` for one that is there, or a full stop."""
     places = sorted(set(_places_of(key, root)))
     if not 0 < len(places) <= _MOST_PLACES:
-        return nearest(key, keys)
+        return nearest_key(key, keys)
     return f"; it belongs below {', '.join(places[:-1])}{' or ' if len(places) > 1 else ''}{places[-1]}."
 
 
