@@ -137,7 +137,7 @@ def calibrate(
 
 
 def _board(kind: Kind, size: str, square_mm: float, marker_mm: float | None, family: str | None) -> Board:
-    from msrr_perception.camera_calibration.boards import CharucoBoard, Chessboard, TagGrid
+    from msrr_perception.camera_calibration.boards import BoardError, CharucoBoard, Chessboard, TagGrid
 
     numbers = re.fullmatch(r"(\d{1,3})x(\d{1,3})", size)
     if numbers is None:
@@ -146,12 +146,15 @@ def _board(kind: Kind, size: str, square_mm: float, marker_mm: float | None, fam
     if kind is Kind.CHESSBOARD:
         if marker_mm is not None or family is not None:
             raise SceneError("--marker-mm and --family: a chessboard has no markers; give --kind as well")
-        return Chessboard(columns, rows, 1e-3 * square_mm)
-    if marker_mm is None:
+    elif marker_mm is None:
         raise SceneError(f"--kind {kind}: give the edge of its markers as well, --marker-mm MM")
-    markers = family or _FAMILIES[kind]
-    build = CharucoBoard if kind is Kind.CHARUCO else TagGrid
-    return build(columns, rows, 1e-3 * square_mm, 1e-3 * marker_mm, markers)
+    try:
+        if marker_mm is None:
+            return Chessboard(columns, rows, 1e-3 * square_mm)
+        build = CharucoBoard if kind is Kind.CHARUCO else TagGrid
+        return build(columns, rows, 1e-3 * square_mm, 1e-3 * marker_mm, family or _FAMILIES[kind])
+    except BoardError as error:
+        raise SceneError(f"--board {size}: {error}") from None
 
 
 @dataclass

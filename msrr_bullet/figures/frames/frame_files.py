@@ -132,7 +132,7 @@ def write_frames(
         RunFolderError: The folder cannot be written.
     """
     if every_s is not None and count is not None:
-        raise FramesError("give the time between frames or their number, not both")
+        raise FramesError("give --every, the time between frames, or --count, their number, not both")
     selected = _select(log, camera, every_s, COUNT if count is None else count)
     make_folder(folder)
     annotator = FrameAnnotator(log)

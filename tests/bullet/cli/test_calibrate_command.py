@@ -84,6 +84,7 @@ def test_what_is_wrong_is_one_message(pictures: Path, capfd: pytest.CaptureFixtu
         ([board, "large.png", *BOARD], "large.png: 640 x 480 px, and "),
         (["film.mp4", *BOARD], "film.mp4: a film; take ten to twenty sharp pictures"),
         ([board, "--board", "5", "--square-mm", "30"], "--board 5: expected columns and rows"),
+        ([board, "--board", "1x5", "--square-mm", "30"], "--board 1x5: a chessboard has 3 x 3 inner corners"),
         ([board, *BOARD, "--kind", "charuco"], "--kind charuco: give the edge of its markers"),
         ([board, *BOARD, "--marker-mm", "20"], "a chessboard has no markers"),
         ([board, *BOARD, "--coefficients", "3"], "--coefficients 3: expected one of 0, 1, 2, 4, 5"),
