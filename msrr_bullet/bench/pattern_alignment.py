@@ -13,6 +13,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Pixels
@@ -26,9 +27,9 @@ _RIM = 0.5
 #: Blur at the start and its bounds [px], and steps of the numerical derivatives [px].
 _BLUR, _LEAST_BLUR, _GREATEST_BLUR, _STEP = 0.7, 0.2, 4.0, 0.05
 
-#: Most steps of Levenberg and Marquardt, the largest change of a corner at which they end, and the largest
-#: distance from where they began [px].
-_STEPS, _SETTLED_PX, _FARTHEST_PX = 25, 0.003, 3.0
+#: Most steps of the least squares, the change at which they end, relative to the places in the picture, and
+#: the largest distance of a corner from where they began [px].
+_STEPS, _SETTLED, _FARTHEST_PX = 50, 3e-6, 3.0
 
 
 def align_pattern(pixels: Pixels, bits: NDArray[np.bool_], edge_modules: int, corners: Array) -> Array | None:
@@ -46,11 +47,18 @@ def align_pattern(pixels: Pixels, bits: NDArray[np.bool_], edge_modules: int, co
     difference = _comparison(pixels, bits, edge_modules, corners)
     if difference is None:
         return None
-    p = np.append(corners.ravel(), _BLUR)
-    found = _least_squares(difference, p)
-    if found is None or np.abs(found[:8] - p[:8]).max() > _FARTHEST_PX:
+
+    def derivatives(p: Array) -> Array:
+        # The drawing is sampled, so that they need steps as large as a part of a pixel.
+        steps = _STEP * np.eye(len(p))
+        return np.stack([difference(p + h) - difference(p - h) for h in steps], axis=1) / (2.0 * _STEP)
+
+    start = np.append(corners.ravel(), _BLUR)
+    bounds = [-np.inf] * 8 + [_LEAST_BLUR], [np.inf] * 8 + [_GREATEST_BLUR]
+    found = least_squares(difference, start, derivatives, bounds, xtol=_SETTLED, max_nfev=_STEPS)
+    if not found.success or np.abs(found.x - start)[:8].max() > _FARTHEST_PX:
         return None
-    return found[:8].reshape(4, 2)
+    return np.asarray(found.x[:8].reshape(4, 2))
 
 
 def _comparison(
@@ -88,30 +96,3 @@ def _comparison(
         return np.asarray(seen - A @ np.linalg.lstsq(A, seen, rcond=None)[0])
 
     return difference
-
-
-def _least_squares(difference: Callable[[Array], Array], start: Array) -> Array | None:
-    """Return corners and blur of least squares; None if they do not settle.
-
-    The drawing is sampled, so that its derivatives need steps as large as a part of a pixel.
-    """
-    p, r, damping = start, difference(start), 1e-3
-    for _ in range(_STEPS):
-        columns = [(difference(p + h) - difference(p - h)) / (2.0 * _STEP) for h in _STEP * np.eye(len(p))]
-        J = np.stack(columns, axis=1)
-        A, b = J.T @ J, J.T @ r
-        while True:
-            step = np.linalg.solve(A + damping * np.diag(np.diag(A) + 1e-9), -b)
-            moved = p + step
-            moved[8] = min(max(moved[8], _LEAST_BLUR), _GREATEST_BLUR)
-            better = difference(moved)
-            settled = float(np.abs(moved - p)[:8].max()) < _SETTLED_PX
-            if better @ better < r @ r:
-                p, r, damping = moved, better, 0.2 * damping
-                break
-            if settled:
-                return p
-            damping *= 5.0
-        if settled:
-            return p
-    return None
