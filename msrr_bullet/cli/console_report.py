@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from rich.table import Table
 from rich.text import Text
@@ -12,9 +11,6 @@ from msrr_bullet.trial.result import MissionFigures, TrialResult
 from msrr_bullet.trial.step_result import PlanarPose, StepResult
 from msrr_scenes.loading.load import find_scene, read_document
 from msrr_scenes.messages import ExposureCounts
-
-if TYPE_CHECKING:  # it loads scipy.stats, which takes as long as half a trial
-    pass
 
 _UNKNOWN = "-"
 
