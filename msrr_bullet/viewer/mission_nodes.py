@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_bullet.timeline.palette import ALARM, BLACK, unit_colours
-from msrr_bullet.timeline.routes import Routes
+from msrr_bullet.timeline.routes import Routes, part_of
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import shapes
 from msrr_bullet.viewer.commands import HIDDEN, Command, KeyframeTrack, NodeState, set_object, set_property
@@ -88,8 +88,8 @@ class MissionNodes:
             yield set_property(f"route/{unit}", "visible", authority is not None)
             if authority is not None:
                 route = self._routes.of(authority)
-                yield from self._line(f"route/{unit}/line", unit, route.part(0.0, route.length))
-                granted = route.part(0.0, authority.limit)
+                yield from self._line(f"route/{unit}/line", unit, part_of(route, 0.0, route.length))
+                granted = part_of(route, 0.0, authority.limit)
                 yield from self._granted(f"route/{unit}/granted", unit, granted)
                 yield set_property(f"route/{unit}/granted", "visible", len(granted) > 1)
 
@@ -116,7 +116,7 @@ class MissionNodes:
             for number, limits in _granted(snapshots, unit).items():
                 node = f"route/{unit}_{number}"
                 route = self._routes.of(limits[0][1])
-                commands += self._line(f"{node}/line", unit, route.part(0.0, route.length))
+                commands += self._line(f"{node}/line", unit, part_of(route, 0.0, route.length))
                 shown = np.zeros(len(times), dtype=np.bool_)
                 shown[[i for i, _ in limits]] = True
                 show(node, shown)
@@ -125,7 +125,7 @@ class MissionNodes:
                     high = authority.limit
                     if high - low >= GRANTED_PIECE or (high == last and high > low):
                         piece = f"{node}/{i}"
-                        commands += self._granted(piece, unit, route.part(low, high))
+                        commands += self._granted(piece, unit, part_of(route, low, high))
                         show(piece, np.arange(len(times)) >= i)
                         low = high
         return commands, tracks

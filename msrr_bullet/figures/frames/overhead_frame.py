@@ -22,6 +22,7 @@ from msrr_bullet.figures.frames.annotation import (
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.mission_snapshot import MissionSnapshot
 from msrr_bullet.timeline.palette import ALARM, BELIEF, BLACK, CLEARANCE, DARK, PATH, PLAN, SIGHT, SIGHT_RANGE
+from msrr_bullet.timeline.routes import part_of
 from msrr_bullet.timeline.snapshot import Snapshot, step_histories
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
@@ -134,9 +135,9 @@ def draw_route(
     if authority is None:
         return
     route, colour = context.routes.of(authority), context.colours[unit]
-    ahead = on_floor(route.part(mission.of(unit).progress, authority.limit), plane)
+    ahead = on_floor(part_of(route, mission.of(unit).progress, authority.limit), plane)
     drawing.line(ahead, colour, 5, dashed=True, halo=PAPER)
-    beyond = on_floor(route.part(authority.limit, mission.of(unit).length), plane)
+    beyond = on_floor(part_of(route, authority.limit, mission.of(unit).length), plane)
     drawing.line(beyond, colour, 1, dashed=True)
 
 

@@ -15,7 +15,7 @@ from msrr_bullet.collision.footprint import unit_parts
 from msrr_bullet.figures.drawing.mission_marks import docked_pairs, driven_way, name_of
 from msrr_bullet.figures.plots.axes import draw_body, halo
 from msrr_bullet.timeline.palette import ALARM, BLACK, DARK, css, unit_colours
-from msrr_bullet.timeline.routes import Routes
+from msrr_bullet.timeline.routes import Routes, part_of
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages.coordination import Authority
@@ -69,13 +69,13 @@ def _draw_routes(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) -> boo
     routes, colours, rest = Routes(scene), unit_colours(scene), False
     for authority in newest.values():
         route = routes.of(authority)
-        granted = route.part(0.0, min(max(authority.limit, 0.0), route.length))
+        granted = part_of(route, 0.0, min(max(authority.limit, 0.0), route.length))
         colour = css(colours[authority.unit])
         axes.plot(
             *granted.T, color=colour, linewidth=_BAND_PT, alpha=0.28, solid_capstyle="round", zorder=2.1
         )
         if authority.limit < route.length - 1e-6:
-            beyond = route.part(max(authority.limit, 0.0), route.length)
+            beyond = part_of(route, max(authority.limit, 0.0), route.length)
             axes.plot(*beyond.T, color=colour, linestyle=":", linewidth=_WAY_PT, zorder=2.1)
             rest = True
     return rest

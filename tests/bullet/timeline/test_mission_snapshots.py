@@ -12,7 +12,7 @@ from msrr_bullet.timeline.interpolation import SnapshotInterpolator
 from msrr_bullet.timeline.mission_series import EventKind, activity_spans, silent_spans, unit_events
 from msrr_bullet.timeline.mission_snapshot import SILENT_NS, Activity
 from msrr_bullet.timeline.mission_table import mission_text, unit_rows
-from msrr_bullet.timeline.routes import Routes
+from msrr_bullet.timeline.routes import Routes, part_of
 from msrr_scenes.messages.coordination import MissionState, UnitState
 
 
@@ -110,7 +110,7 @@ def test_units_drive_on_the_routes_that_were_granted(mission_run):
                 continue
             route = routes.of(authority)
             assert route.length == snapshot.mission.of(unit).length
-            granted = route.part(0.0, authority.limit)
+            granted = part_of(route, 0.0, authority.limit)
             assert np.hypot(*(granted - snapshot.units[unit].translation).T).min() < 0.06
             checked += 1
     assert checked > 20
@@ -119,12 +119,12 @@ def test_units_drive_on_the_routes_that_were_granted(mission_run):
 def test_a_part_of_a_route_ends_where_it_should(mission_run):
     authority = next(s.mission.granted("c") for s in mission_run.snapshots if s.mission.granted("c"))
     route = Routes(mission_run.log.header.scene).of(authority)
-    first, second = route.part(0.0, 0.7), route.part(0.7, route.length)
+    first, second = part_of(route, 0.0, 0.7), part_of(route, 0.7, route.length)
     np.testing.assert_allclose(first[-1], second[0])
-    np.testing.assert_allclose(second[-1], route.points[-1])
+    np.testing.assert_allclose(second[-1], route.poses[:, :2][-1])
     way = np.hypot(*np.diff(np.concatenate([first, second]), axis=0).T).sum()
     assert way <= route.length + 1e-6
-    assert len(route.part(0.5, 0.5)) == len(route.part(0.5, 0.2)) == 0
+    assert len(part_of(route, 0.5, 0.5)) == len(part_of(route, 0.5, 0.2)) == 0
 
 
 def test_words_tell_who_waits_and_why_somebody_failed(mission_run):
