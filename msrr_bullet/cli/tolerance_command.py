@@ -80,7 +80,7 @@ def tolerance(
     if len(arguments["seeds"]) < 2:
         raise SceneError(f"--seeds {seeds}: a study needs two seeds or more, one for each sign of an error")
     wanted = _parse_grades(grades)
-    from msrr_bullet.tolerance.run import STORE, run_study
+    from msrr_bullet.tolerance.study import STORE, run_study
 
     console = open_console()
     with status_line(console, f"{loaded.name}: checking the effects") as show:

@@ -6,17 +6,22 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from msrr_bullet.run_folder import make_folder, progress_log
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trials import one_trial, run_trials
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
-from msrr_bullet.tolerance.effects import Effect, as_designed_scene
+from msrr_bullet.tolerance.effects import Effect, as_designed_scene, effects_of, select_effects
 from msrr_bullet.tolerance.model import GradeSample, Sample, ToleranceStudy
+from msrr_bullet.tolerance.page import write_study
 from msrr_bullet.tolerance.trial_plan import Batch, EffectTrials, condition_trials
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.loading.load import scene_hash
-from msrr_scenes.specs.as_built import Grade
+from msrr_scenes.specs.as_built import GRADES, Grade
 from msrr_scenes.specs.scene import Scene
+
+#: File of a study's folder that holds every trial.
+STORE = "trials.sqlite"
 
 #: Called with a line of text that says how far the study is.
 ProgressListener = Callable[[str], None]
@@ -26,6 +31,47 @@ Asking = Generator[list[Batch], list[TrialResult | TrialFailure], Any]
 
 #: Outcomes of trials by hash of the scene and seed.
 Outcomes = Mapping[tuple[str, int], TrialResult | TrialFailure]
+
+
+def run_study(
+    scene: Scene,
+    out: Path,
+    *,
+    seeds: Sequence[int],
+    grade_seeds: Sequence[int],
+    effects: Sequence[str] = (),
+    grades: Sequence[Grade] = tuple(GRADES),
+    jobs: int = 1,
+    wall_limit_s: float | None = None,
+    on_progress: ProgressListener = lambda text: None,
+) -> ToleranceStudy:
+    """Run a study; write ``tolerance.html``, ``tolerance.json`` and the figure to ``out``.
+
+    An interrupted study resumes from ``out/trials.sqlite`` if scene and code are unchanged. Every line of
+    progress is also written to ``out/progress.txt``, so that a run in the background can be followed.
+
+    The folder ``out`` is created if it does not exist; ``effects`` are names of effects or of their groups,
+    and without any, all that act in the scene. All else is that of :func:`tolerance_study`.
+    """
+    known = effects_of(scene)
+    chosen = select_effects(known, effects) if effects else known
+    make_folder(out)
+    report = progress_log(out, on_progress)
+    report("checking the scenes of the first round")
+    study = tolerance_study(
+        scene,
+        chosen,
+        grades,
+        seeds=seeds,
+        grade_seeds=grade_seeds,
+        all_graded={e.name for e in known if e.graded} <= {e.name for e in chosen},
+        store=out / STORE,
+        jobs=jobs,
+        wall_limit_s=wall_limit_s,
+        on_progress=report,
+    )
+    write_study(study, out)
+    return study
 
 
 def tolerance_study(

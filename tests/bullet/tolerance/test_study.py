@@ -13,8 +13,7 @@ from msrr_bullet.sweep.worker_pool import SupportsSubmit
 from msrr_bullet.tolerance.effects import Effect, select_effects
 from msrr_bullet.tolerance.error_budget import contributions, predicted
 from msrr_bullet.tolerance.model import EffectResult, ToleranceStudy
-from msrr_bullet.tolerance.run import run_study
-from msrr_bullet.tolerance.study import tolerance_study
+from msrr_bullet.tolerance.study import run_study, tolerance_study
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
@@ -188,7 +187,7 @@ def test_a_study_knows_whether_it_tries_all_that_the_grades_have(
         told.append(all_graded)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("msrr_bullet.tolerance.run.tolerance_study", stop)
+    monkeypatch.setattr("msrr_bullet.tolerance.study.tolerance_study", stop)
     with pytest.raises(KeyboardInterrupt):
         run_study(scene, tmp_path, seeds=range(2), grade_seeds=range(1), effects=names)
     assert told == [whole]
