@@ -30,7 +30,8 @@ def run_sweep(
         scene: Scene of the trials, already checked.
         seeds: Seeds of the trials; a repeated seed is run once.
         jobs: Number of trials that run at the same time, or what returns it, for a cluster that grows.
-        store: SQLite file of results; a trial that it holds for this scene and this code is not run again.
+        store: SQLite file of results; a trial that it holds for this scene and this code is not run again,
+            unless it ended as ``program_failed``.
         executor: Runs the trials instead of a pool of ``jobs`` spawned processes. It is left open. One of
             threads gives the same results, later: threads take turns.
         trial: Runs one trial; importable by name, because it is sent to other processes.
@@ -46,7 +47,8 @@ def run_sweep(
         MsrrError: The scene cannot be run with any seed, or the store cannot be used.
         ChangedFileError: A file of the scene was written while the trials ran. Results from before are kept.
         TypeError: A seed or ``jobs`` is no whole number, ``seeds`` is a single one, or the scene is none.
-        ValueError: A seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``jobs`` not positive.
+        ValueError: A seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``jobs`` or
+            ``wall_limit_s`` not positive.
     """
     (summary,) = run_sweeps(
         [scene],
@@ -72,7 +74,7 @@ def run_sweeps(
     observer: TrialObserver | None = None,
     wall_limit_s: float | None = None,
 ) -> list[SweepSummary]:
-    """Run a trial of every scene for each seed, all of them in one pool; see :func:`sweep`.
+    """Run a trial of every scene for each seed, all of them in one pool; see :func:`run_sweep`.
 
     Returns:
         The summary of every scene, in their order.

@@ -163,23 +163,13 @@ def run_trials(
 
     Args:
         batches: Scenes, already checked, with the seeds of their trials; a repeated trial is run once.
-        jobs: Number of trials that run at the same time, or what returns it, for a cluster that grows.
-        store: SQLite file of results; a trial that it holds for this scene and this code is not run again,
-            unless it ended as ``program_failed``.
-        executor: Runs the trials instead of a pool of ``jobs`` spawned processes. It is left open. One of
-            threads gives the same results, later: threads take turns.
-        trial: Runs one trial; importable by name, because it is sent to other processes.
+        jobs: See :func:`msrr_bullet.sweep.sweep.run_sweep`, as for all that follow but one, and for errors.
+        store: SQLite file of results.
+        executor: Runs the trials instead of a pool of processes.
+        trial: Runs one trial.
         result_type: What it returns, as which stored results are read.
-        observer: Called with the result or the failure of each trial as it is done, and with whether it
-            comes from the store.
+        observer: Called for each trial as it is done.
         wall_limit_s: Time that each trial may take on the wall clock; None sets no limit.
-
-    Raises:
-        MsrrError: A scene cannot be run with any seed, or the store cannot be used.
-        ChangedFileError: A file of a scene was written while the trials ran. Results from before are kept.
-        TypeError: A seed or ``jobs`` is no whole number, or a scene is none.
-        ValueError: A seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``jobs`` or
-            ``wall_limit_s`` not positive.
     """
     slots = _slots(jobs)
     check_wall_limit(wall_limit_s)
