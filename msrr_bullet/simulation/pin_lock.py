@@ -9,8 +9,7 @@ limits each axis of the world separately, so the strength would depend on the he
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +25,9 @@ from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.vehicle import LockSpec
 
+if TYPE_CHECKING:  # it imports this module
+    from msrr_bullet.simulation.bullet_plant import BulletPlant
+
 #: Largest force of the constraint on each axis [N]: far above any load, so that the strength alone decides.
 MAX_CONSTRAINT_FORCE = 1e4
 #: A lock whose units come apart by this much under the pull has failed [m].
@@ -34,27 +36,11 @@ MAX_PULL_DISPLACEMENT = 0.002
 RELEASE_OVERLAP = 0.0002
 
 
-class LockPlant(Protocol):
-    """The plant that a lock belongs to, such as :class:`msrr_bullet.simulation.bullet_plant.BulletPlant`."""
-
-    def step_freewheeling(self) -> None:
-        """Advance by one tick with all wheels released."""
-        ...
-
-    def rouse(self, *units: str) -> None:
-        """Wake units before a force acts on them."""
-        ...
-
-    def plug_bodies(self, unit: str, port: str) -> Sequence[int]:
-        """Return the PyBullet ids of the bodies that plug a passive port."""
-        ...
-
-
 class PinLock(PortMechanism):
     """The mechanism between an active port and a passive port in PyBullet."""
 
     def __init__(
-        self, world: BulletWorld, step: DockStep, spec: LockSpec, plant: LockPlant, switch_travel: float
+        self, world: BulletWorld, step: DockStep, spec: LockSpec, plant: BulletPlant, switch_travel: float
     ) -> None:
         """Look up the pins of the docking unit and the holes of the port that it docks to.
 
