@@ -101,7 +101,8 @@ def render_page(
         "headings": HEADINGS if scene.coordinated else (),
         "unitReadings": UNIT_READINGS if scene.coordinated else (),
         "colours": {unit: css(colour) for unit, colour in unit_colours(scene).items()},
-        "choice": _choice(scene, snapshots),
+        # Units between which a reader chooses; the first one is shown at first.
+        "choice": moving_units(snapshots) if snapshots and not scene.coordinated else _docking_units(scene),
         "commands": [base64.b64encode(command.data).decode("ascii") for command in commands],
         "replay": replay_data(scene, snapshots, stills, events) if snapshots else None,
         "live": {"stills": _cameras(scene) if live_cameras else [], "stillInterval": 0.0},
@@ -125,11 +126,6 @@ def _legend(scene: Scene, snapshots: Sequence[Snapshot] | None) -> Sequence[tupl
     if snapshots and all(snapshot.docking_pose is None for snapshot in snapshots):  # a recording
         own = [(name, colour) for name, colour in _LEGEND if colour not in _TRUTH]
     return (*own, *(_LEGEND_OVERHEAD if scene.cameras.overhead is not None else ()))
-
-
-def _choice(scene: Scene, snapshots: Sequence[Snapshot] | None) -> Sequence[str]:
-    """Return the units between which a reader of the page chooses; the first one is shown at first."""
-    return moving_units(snapshots) if snapshots and not scene.coordinated else _docking_units(scene)
 
 
 def _docking_units(scene: Scene) -> Sequence[str]:

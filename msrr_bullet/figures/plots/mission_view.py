@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
-import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
@@ -43,8 +43,7 @@ def draw_mission_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) -
         axes.plot(*ends.T, color=css(BLACK), linewidth=3.0, solid_capstyle="butt", zorder=3.0)
     waits = _draw_waits(axes, last)
     for unit, colour in colours.items():
-        moved = not _same_place(first.units[unit], last.units[unit])
-        if moved:
+        if math.dist(first.units[unit].translation, last.units[unit].translation) >= 0.1:
             _write(axes, first.units[unit], unit, css(colour), 9)
         text, ink = name_of(unit, last.mission)
         _write(axes, last.units[unit], text, css(ink), 10)
@@ -107,10 +106,6 @@ def _write(axes: Axes, X: SE2, text: str, colour: str, size: float) -> None:
         zorder=4.0,
         path_effects=halo(2.5),
     )
-
-
-def _same_place(a: SE2, b: SE2) -> bool:
-    return float(np.linalg.norm(a.translation - b.translation)) < 0.1
 
 
 def _legend(never_granted: bool, docked: bool, waits: bool) -> list[Artist]:
