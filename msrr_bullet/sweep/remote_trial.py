@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import socket
 from collections.abc import Mapping
-from functools import lru_cache
 
 from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_bullet.sweep.provenance import code_fingerprint
@@ -16,6 +15,9 @@ from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.specs.scene import Scene
 
 _log = logging.getLogger(__name__)
+
+#: Fingerprints of the code for which this process is ready.
+_PREPARED: set[str] = set()
 
 
 class OtherCodeError(MsrrError):
@@ -47,14 +49,9 @@ def remote_trial(trial: TrialFunction, codes: Mapping[str, str], scene: Scene, s
 
 def _prepare(code: str, scene: Scene) -> None:
     """Make this process ready as a worker of a pool is: one thread, simulator and kernels loaded."""
-    if code not in _prepared():
+    if code not in _PREPARED:
         import cv2
 
         cv2.setNumThreads(1)
         prepare_cameras(scene, _log.info)
-        _prepared().add(code)
-
-
-@lru_cache(maxsize=1)
-def _prepared() -> set[str]:
-    return set()
+        _PREPARED.add(code)
