@@ -3,40 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.robot.interface import CameraReader
 from msrr_bullet.sensors.camera import Camera
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Detections, Localisation, Pixels, SensorMessage
-from msrr_scenes.specs.sensors import CameraSpec
-
-
-class CameraSensor(Protocol):
-    """A source of the measurements of one camera: rendered pixels, or a model of camera and detector."""
-
-    @property
-    def name(self) -> str:
-        """Name of the camera: ``overhead`` or ``<unit>/onboard``."""
-        ...
-
-    @property
-    def spec(self) -> CameraSpec:
-        """Data sheet of the camera: optics, frame rate, latency, noise."""
-        ...
-
-    def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
-        """Expose one frame and return the measurements; none when the frame was lost or shows no tag."""
-        ...
-
-    def next_latency_ns(self) -> int:
-        """Return how long the frame that was captured last is under way; called once for each frame."""
-        ...
 
 
 class RenderedCameraSensor:
-    """A rendered camera, whose pixels a program reads."""
+    """A rendered camera, whose pixels a program reads.
+
+    Attributes:
+        camera: The camera.
+        name: Its name.
+        spec: Its data sheet.
+        frames: Its clock, losses and latency.
+    """
 
     def __init__(
         self,
@@ -52,18 +35,9 @@ class RenderedCameraSensor:
             error_model: Adds the errors of a global localisation to detections; None adds none.
         """
         self.camera = camera
+        self.name, self.spec, self.frames = camera.name, camera.spec, camera.frames
         self._profiler = profiler
         self._error_model = error_model
-
-    @property
-    def name(self) -> str:
-        """Name of the camera."""
-        return self.camera.name
-
-    @property
-    def spec(self) -> CameraSpec:
-        """Data sheet of the camera."""
-        return self.camera.spec
 
     def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
         """Expose one frame, from which the reader fetches windows, and return its detections."""
@@ -76,10 +50,6 @@ class RenderedCameraSensor:
         if detections is None:
             return ()
         return (detections,) if self._error_model is None else (Localisation(self._error_model(detections)),)
-
-    def next_latency_ns(self) -> int:
-        """Return how long the frame that was captured last is under way."""
-        return self.camera.frames.next_latency_ns()
 
     def _fetch(self, window: Window) -> Pixels:
         with self._profiler("render"):

@@ -13,12 +13,13 @@ from msrr_bullet.render import RenderContext, Renderer, build_renderer
 from msrr_bullet.sensors.calibrated_sight import OnboardSight, OverheadSight
 from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.sensors.camera_motion import MotionSensor
-from msrr_bullet.sensors.camera_sensors import CameraSensor, RenderedCameraSensor
+from msrr_bullet.sensors.camera_sensors import RenderedCameraSensor
 from msrr_bullet.sensors.command_link import CommandLink
 from msrr_bullet.sensors.frame_sequence import FrameSequence
 from msrr_bullet.sensors.localisation_error import LocalisationError
 from msrr_bullet.sensors.parametric_cameras import ParametricOnboardCamera, ParametricOverheadCamera
 from msrr_bullet.sensors.radio import Radio
+from msrr_bullet.sensors.sensor_suite import CameraSensor
 from msrr_bullet.sensors.wheel_encoders import WheelEncoders
 from msrr_bullet.simulation.simulation import Simulation
 from msrr_perception.pose.overhead_model import OverheadModel

@@ -59,7 +59,7 @@ class ParametricOnboardCamera:
         self._los = scene.los
         self._X_DU = X_DU
         self._X_UC = scene.geometry(step.unit).frame("camera").to_se2()
-        self._frames = frames
+        self.frames = frames
         self._sight = sight
         self._rng = rng
         self._hidden = step.target_unit in scene.covered_units
@@ -70,7 +70,7 @@ class ParametricOnboardCamera:
 
     def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
         """Draw one measurement; none when the frame was lost or neither edge of the target is in view."""
-        exposure = self._frames.expose(now_ns)
+        exposure = self.frames.expose(now_ns)
         noise = self._rng.standard_normal(5).tolist()  # as many for every frame, whatever is seen
         X_DU, bearings = self._see(self._X_DU())
         if exposure is None or self._hidden or X_DU is None or bearings == (None, None):
@@ -82,10 +82,6 @@ class ParametricOnboardCamera:
         dx, dy, dyaw = (sigma * n for sigma, n in zip(self._sigma_pose, noise[:3], strict=True))
         X_measured = SE2(X_DU.x + dx, X_DU.y + dy, X_DU.yaw + dyaw)
         return (PoseMeasurement(exposure, X_measured, self._covariance, (left, right)),)
-
-    def next_latency_ns(self) -> int:
-        """Return how long the frame that was captured last is under way."""
-        return self._frames.next_latency_ns()
 
     def _see(self, X_DU: SE2) -> tuple[SE2 | None, Bearings]:
         """Return pose and bearings without their random errors; None where there are none."""
@@ -127,14 +123,14 @@ class ParametricOverheadCamera:
         self._untagged = {name for name, obstacle in scene.obstacles.items() if obstacle.tag_id is None}
         self._poses = poses
         self._rng = rng
-        self._frames, self._sight = frames, sight
+        self.frames, self._sight = frames, sight
         xy, yaw = scene.parametric.sigma_xy_m, math.radians(scene.parametric.sigma_yaw_deg)
         self._sigma = np.array([xy, xy, yaw])
         self._covariance = frozen(np.diag(np.maximum(self._sigma, MIN_SIGMA) ** 2))
 
     def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
         """Draw one measurement of every body; none when the frame was lost."""
-        exposure = self._frames.expose(now_ns)
+        exposure = self.frames.expose(now_ns)
         # Errors are drawn for all bodies of the scene, so that the errors do not depend on who has appeared.
         errors = {name: self._sigma * self._rng.standard_normal(3) for name in self._bodies}
         if exposure is None:
@@ -150,10 +146,6 @@ class ParametricOverheadCamera:
             for name, X in seen.items()
             if X is not None
         )
-
-    def next_latency_ns(self) -> int:
-        """Return how long the frame that was captured last is under way."""
-        return self._frames.next_latency_ns()
 
     def _see(self, name: str, X_WB: SE2) -> SE2 | None:
         """Return the pose of a body without its random error; None if it is not seen."""

@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from msrr_bullet.plant.plant import Plant
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.robot.interface import CameraReader, Robot
-from msrr_bullet.sensors.camera_sensors import CameraSensor
+from msrr_bullet.sensors.camera_sensors import RenderedCameraSensor
+from msrr_bullet.sensors.parametric_cameras import ParametricOnboardCamera, ParametricOverheadCamera
 from msrr_bullet.sensors.schedule import Delayed, Periodic
 from msrr_bullet.sensors.wheel_encoders import WheelEncoders
 from msrr_scenes.messages import (
@@ -25,6 +26,9 @@ from msrr_scenes.messages import (
 from msrr_scenes.specs.faults import SeatSwitchStuck
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
+
+#: A source of the measurements of one camera: rendered pixels, or a model of camera and detector.
+CameraSensor = RenderedCameraSensor | ParametricOnboardCamera | ParametricOverheadCamera
 
 
 class MountedCamera:
@@ -50,7 +54,7 @@ class MountedCamera:
         if self._frames.due(now_ns) and reader.uses_camera(self.sensor.name):
             messages = self.sensor.capture(now_ns, reader)
             # Frames are read one after the other: none overtakes the one before.
-            self._arrival_ns = max(now_ns + self.sensor.next_latency_ns(), self._arrival_ns)
+            self._arrival_ns = max(now_ns + self.sensor.frames.next_latency_ns(), self._arrival_ns)
             for message in messages:
                 self._queue.send(self._arrival_ns, message)
         arrived = self._queue.arrived(now_ns)

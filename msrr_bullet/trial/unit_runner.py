@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.robot.interface import Robot
-from msrr_bullet.sensors.camera_sensors import CameraSensor
 from msrr_bullet.sensors.schedule import NEVER_NS
-from msrr_bullet.sensors.sensor_suite import SensorSuite
+from msrr_bullet.sensors.sensor_suite import CameraSensor, SensorSuite
 from msrr_bullet.trial.environment import Environment
 from msrr_scenes.messages import Action, Phase, Twist
 from msrr_scenes.specs.plan import DockStep

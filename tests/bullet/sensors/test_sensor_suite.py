@@ -75,7 +75,7 @@ class Frames:
     """A camera of which each frame shows the same tags, and is under way for a time of its own."""
 
     def __init__(self, name: str, tags: Collection[int] = (), latencies_ms: Iterable[int] = ()) -> None:
-        self.name, self.spec = name, CameraSpec(rate_hz=25.0)
+        self.name, self.spec, self.frames = name, CameraSpec(rate_hz=25.0), self
         self._tags = tuple(TagDetection(tag, np.zeros((4, 2))) for tag in tags)
         self._latencies_ms, self._frame = iter(latencies_ms), 0
 
