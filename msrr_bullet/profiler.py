@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from time import perf_counter_ns
-from types import TracebackType
 
 #: A source of context managers that measure the time of a stage: ``with profiler("physics"): ...``.
 Profiler = Callable[[str], AbstractContextManager[object]]
@@ -78,9 +77,7 @@ class _Stage:
     def __enter__(self) -> None:
         self._profiler._enter(self)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._profiler._exit()
 
 

@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 from functools import cache, partial
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any
 
 import foxglove
@@ -139,9 +139,7 @@ class FoxgloveServer:
         self._subscribed.set()
         self._handlers[number](number, frame)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close."""
         for number, before in self._handlers.items():
             signal.signal(number, before)
