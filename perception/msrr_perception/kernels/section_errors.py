@@ -83,7 +83,17 @@ def border_px(blur_px: float, reach: float) -> float:
     return BORDER_PX * math.exp(-BORDER_FALL * reach / math.hypot(blur_px, PIXEL_BLUR_PX))
 
 
-_blur_of, _gain_of = inlined(blur_of), inlined(gain_of)
+def surplus(variance: float, modelled: float) -> float:
+    """Return by how much the measured variance of a corner exceeds the modelled one, both [px^2].
+
+    What the image shows of an edge is an estimate of 14 degrees of freedom, and for small tags it errs on the
+    safe side. So it counts where it is more than both make of it: from twice the deviation on. From twice the
+    variance on, the NEES of poses at 0.2 m fell from 2.3 to 1.9, where 3 is right.
+    """
+    return variance - modelled if variance > SURE * modelled else 0.0
+
+
+_blur_of, _gain_of, _surplus = inlined(blur_of), inlined(gain_of), inlined(surplus)
 _reach_px, _frame_px = inlined(reach_px), inlined(frame_px)
 _sampling_px, _border_px = inlined(sampling_px), inlined(border_px)
 
@@ -120,6 +130,5 @@ def variances_of_corners(corners: Array, sigma_px: Array, sheet: DataSheet, scal
         border[t] = math.sqrt(BORDER_SHARE * by_border)
         modelled = scale * BY_SECTION * (by_frame + by_place + by_border)
         for k in range(4):
-            measured = sigma_px[t, k] ** 2
-            rest[t, k] = scale * _REST_PX**2 + (measured - modelled if measured > SURE * modelled else 0.0)
+            rest[t, k] = scale * _REST_PX**2 + _surplus(sigma_px[t, k] ** 2, modelled)
     return CornerVariances(noise, place, changing, border, rest)

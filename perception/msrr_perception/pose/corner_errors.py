@@ -14,7 +14,7 @@ import numpy as np
 
 from msrr_perception.kernels.edges import BY_OFFSET, BY_SECTION, BY_SLOPE, TAG_MODULES, reach_px
 from msrr_perception.kernels.neighbours import blur_of, gain_of
-from msrr_perception.kernels.section_errors import SURE, border_px, frame_px, sampling_px
+from msrr_perception.kernels.section_errors import border_px, frame_px, sampling_px
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.sensors import CameraSpec
 
@@ -74,23 +74,6 @@ class CornerErrors:
             edge_px: Length of the edges of the tag in the image [px].
         """
         return BY_SECTION * (self.frame_px(edge_px) ** 2 + self.lasting_px(edge_px) ** 2)
-
-
-def surplus(sigma_px: Array | None, modelled: float) -> Array:
-    """Return by how much the variance of corners exceeds the modelled one, shape (4,) [px^2].
-
-    What the image shows of an edge is an estimate of 14 degrees of freedom, and for small tags it errs on the
-    safe side. So it counts where it is more than both make of it: from twice the deviation on. From twice the
-    variance on, the NEES of poses at 0.2 m fell from 2.3 to 1.9, where 3 is right.
-
-    Args:
-        sigma_px: Measured standard deviation of each corner, shape (4,) [px]; None if it was not measured.
-        modelled: Modelled variance of each coordinate of a corner [px^2].
-    """
-    if sigma_px is None:
-        return np.zeros(4)
-    variance = np.square(sigma_px)
-    return np.where(variance > SURE * modelled, variance - modelled, 0.0)
 
 
 def corners_by_sections(corners: Array) -> Array:

@@ -10,7 +10,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from msrr_perception.pose.corner_errors import CornerErrors, corners_by_sections, surplus
+from msrr_perception.kernels.section_errors import surplus
+from msrr_perception.pose.corner_errors import CornerErrors, corners_by_sections
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.lens import Lens
@@ -185,9 +186,11 @@ class GlobalLocalizer:
         if float((misfit**2).sum()) > 4.0 * _MISFIT_PX**2 + float((strained**2).sum()):
             return None
         covariance = X_WB.rotate_covariance(self._covariance_B[tag.name])
-        more = float(surplus(seen.corner_sigma_px, self._modelled[tag.name]).mean())
-        if more > 0.0:
-            covariance *= 1.0 + more / self._modelled[tag.name]
+        if seen.corner_sigma_px is not None:
+            modelled = self._modelled[tag.name]
+            more = sum(surplus(sigma**2, modelled) for sigma in seen.corner_sigma_px.tolist()) / 4.0
+            if more > 0.0:
+                covariance *= 1.0 + more / modelled
         after = float(self._shutter.after_stamp_ideal(self._lens, seen.corners).mean())
         stamp_ns += round(after * NS_PER_S)
         return GlobalPose(tag.name, stamp_ns, X_WB, 0.5 * (covariance + covariance.T))

@@ -14,9 +14,8 @@ from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.kernels.corners import MeasuredCorners, WeightedCorners, derivatives, roots_of_covariance
 from msrr_perception.kernels.edges import reach_px
 from msrr_perception.kernels.rates import AT_REST, Rates
-from msrr_perception.kernels.section_errors import CornerVariances, border_px, sampling_px
+from msrr_perception.kernels.section_errors import CornerVariances, border_px, sampling_px, surplus
 from msrr_perception.motion.filter_state import FilterState
-from msrr_perception.pose.corner_errors import surplus
 from msrr_perception.pose.joint_pose import CornerNoise
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.messages import TagDetection
@@ -38,7 +37,8 @@ def _variances(target: TargetModel, tags: list[TagDetection], scale: float) -> C
         changing.append(scale * 0.6 * by_border**2)
         border.append(np.sqrt(0.4) * by_border)
         modelled = scale * errors.corner_variance(edge)
-        rest.append(scale * 0.005**2 + surplus(tag.corner_sigma_px, modelled))
+        sigmas = np.zeros(4) if tag.corner_sigma_px is None else tag.corner_sigma_px
+        rest.append([scale * 0.005**2 + surplus(sigma**2, modelled) for sigma in sigmas])
     return CornerVariances(*map(np.array, (noise, place, changing, border, rest)))
 
 
