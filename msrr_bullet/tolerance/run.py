@@ -6,15 +6,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from msrr_bullet.run_folder import make_folder, progress_log
+from msrr_bullet.sweep.trial_store import study_store
 from msrr_bullet.tolerance.effects import effects_of, select_effects
 from msrr_bullet.tolerance.model import ToleranceStudy
 from msrr_bullet.tolerance.page import write_study
 from msrr_bullet.tolerance.study import tolerance_study
 from msrr_scenes.specs.as_built import GRADES, Grade
 from msrr_scenes.specs.scene import Scene
-
-#: File of a study's folder that holds every trial.
-STORE = "trials.sqlite"
 
 
 def run_study(
@@ -44,10 +42,14 @@ def run_study(
         jobs: Number of processes.
         wall_limit_s: Time that each trial may take on the wall clock; None sets no limit.
         on_progress: Called with a line of text whenever a trial is done.
+
+    Raises:
+        StoreError: ``out/trials.sqlite`` is something else.
     """
     known = effects_of(scene)
     chosen = select_effects(known, effects) if effects else known
     make_folder(out)
+    store = study_store(out)
     report = progress_log(out, on_progress)
     report("checking the scenes of the first round")
     study = tolerance_study(
@@ -57,7 +59,7 @@ def run_study(
         seeds=seeds,
         grade_seeds=grade_seeds,
         all_graded={e.name for e in known if e.graded} <= {e.name for e in chosen},
-        store=out / STORE,
+        store=store,
         jobs=jobs,
         wall_limit_s=wall_limit_s,
         on_progress=report,
