@@ -146,6 +146,9 @@ def test_check(capsys: Capture, tmp_path: Path) -> None:
     out, err = capsys.readouterr()
     assert err.startswith("msrr: bad.yaml:1:1: ")
     assert "close_range: ok" in out
+    assert run(["check", "close_range", "corridor", "--set", "time_limit=9"]) == 2
+    places = [line.partition(": time_limit: ")[0] for line in capsys.readouterr().err.splitlines()]
+    assert places == [f"msrr: {name}: --set time_limit=9" for name in ("close_range", "corridor")]
 
 
 @pytest.mark.parametrize(
