@@ -22,14 +22,9 @@ from msrr_scenes.geometry.obj_file import looked_for
 from msrr_scenes.geometry.unit_geometry import library_folder
 from msrr_scenes.geometry.urdf_file import elements_with_files, named_file
 from msrr_scenes.loading.embedded_files import embed_calibrations, embed_maps
+from msrr_scenes.loading.overrides import apply_overrides, override_text
 from msrr_scenes.loading.validation_errors import explain
-from msrr_scenes.loading.yaml_document import (
-    YamlDocument,
-    apply_overrides,
-    override_text,
-    parse_document,
-    read_text,
-)
+from msrr_scenes.loading.yaml_document import YamlDocument, parse_document, read_text
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Spec
 

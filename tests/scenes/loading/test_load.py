@@ -378,6 +378,16 @@ def test_overrides_reach_below_a_grade_that_is_given_by_its_name_alone(tmp_path:
         ("cameras", "[", "not valid YAML"),
         ("cameras..onboard", "1", "expected a dotted key"),
         ("units.a.number", "1", "has the number 1 already; 0 is free"),
+        (
+            "units.z.number",
+            "3",
+            "there is no unit 'z'. Units here: b, a. A new one is given as a whole, units.z={",
+        ),
+        (
+            "obstacles.pots.radius_m",
+            "1",
+            "no obstacle 'pots'; did you mean 'post'? Obstacles here: post. A new",
+        ),
         ("los.half_width_m", "0.2", "too wide for the cone"),
     ],
 )
