@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,18 @@ MAX_VALUES = 50_000
 MAX_NUMBER = 40
 #: Longest key [characters].
 MAX_KEY = 100
+
+#: What the parser calls things that are opened and closed, by brackets or quotation marks.
+_OPENED = re.compile("flow (mapping|sequence)|quoted scalar")
+#: Parts of messages of the parser that only its authors understand, and what is to be said instead.
+_WORDS: Mapping[str, str] = {
+    r"'\t'": "a tab; indent with spaces",
+    "cannot start any token": "a text that begins with this character has to be in quotes",
+    "the node content": "a value is expected here",
+    "another document": "a second document begins here; a file holds one",
+    "<block end>": "this does not go with what stands before it; check indentation, brackets and quotes",
+    "mapping values": "no key is expected here; check indentation, and put a text with a colon in quotes",
+}
 
 _TAG = "tag:yaml.org,2002:"
 _SCALARS = {_TAG + kind for kind in ("null", "bool", "int", "float", "str", "timestamp")}
@@ -55,7 +68,8 @@ def read_text(path: Path) -> str:
         with path.open(encoding="utf-8-sig") as file:
             text = file.read(MAX_CHARACTERS + 1)  # an endless one would fill the memory
     except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
+        where = f"{error.reason} at byte {error.start}"
+        raise SceneError(f"{path}: not UTF-8 text: {where}; save the file as UTF-8") from None
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
     if len(text) > MAX_CHARACTERS:
@@ -103,21 +117,32 @@ def _compose(text: str, source: str) -> yaml.Node | None:
         loader = _Composer(text, source)
         return loader.get_single_node()
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
+        mark, problem = _in_words(error)
         place = _position(source, mark.line, mark.column) if mark else source
-        found = error.problem or error.context
-        problem = "a tab; indent with spaces" if r"'\t'" in str(found) else found
         raise SceneError(f"{place}: not valid YAML: {problem}") from None
     except yaml.reader.ReaderError as error:
         line_start = text.rfind("\n", 0, error.position) + 1
         place = _position(source, text.count("\n", 0, error.position), error.position - line_start)
+        mend = "" if error.character else "; save the file as UTF-8"  # every second byte of one in UTF-16
         raise SceneError(
-            f"{place}: not valid YAML: the character U+{error.character:04X} is not allowed"
+            f"{place}: not valid YAML: the character U+{error.character:04X} is not allowed{mend}"
         ) from None
     except (ValueError, OverflowError):  # of chr(), for "\\U00110000" and beyond
         assert loader is not None
         place = _position(source, loader.line, loader.column)
         raise SceneError(f"{place}: not valid YAML: no character has the number of this escape") from None
+
+
+def _in_words(error: yaml.MarkedYAMLError) -> tuple[yaml.Mark | None, str]:
+    """Return the place of a mistake in YAML, and the mistake in words for who does not know its grammar."""
+    context, found = error.context or "", error.problem or ""
+    mark = error.problem_mark or error.context_mark
+    if "end of stream" in found or "stream end" in found:
+        opened = error.context_mark if _OPENED.search(context) else None
+        return opened or mark, "this is never closed" if opened else "the text ends where a value is expected"
+    if "could not find expected ':'" in found:
+        return error.context_mark or mark, "a line that is neither `key: value` nor part of a list"
+    return mark, next((words for part, words in _WORDS.items() if part in found), found or context)
 
 
 class _Composer(yaml.SafeLoader):
