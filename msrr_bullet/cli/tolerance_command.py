@@ -96,9 +96,8 @@ def tolerance(
                 **arguments,
             )
         except KeyboardInterrupt:
-            typer.echo(
-                f"The trials so far are in {folder / 'trials.sqlite'}; the same command goes on from there."
-            )
+            if (store := folder / "trials.sqlite").exists():
+                typer.echo(f"The trials so far are in {store}; the same command goes on from there.")
             raise
     _report(console, study)
     typer.echo(f"page: {folder / 'tolerance.html'}")
