@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 from collections.abc import Mapping
 from copy import deepcopy
@@ -60,7 +61,8 @@ def find_scene(name_or_path: str) -> Path:
             if path.is_dir():
                 raise SceneError(f"{name_or_path}: a folder; name a scene file in it")
             if not path.is_file():
-                raise SceneError(f"{name_or_path}: no such scene file")
+                other = os.path.lexists(path)  # a pipe, a device, or a link that leads nowhere
+                raise SceneError(f"{name_or_path}: {'not a regular file' if other else 'no such scene file'}")
             return path
         meant = f", such as {name_or_path}.yaml" if Path(f"{name_or_path}.yaml").is_file() else ""
     except OSError as error:  # such as a name that is too long, or a folder that may not be entered
