@@ -164,7 +164,9 @@ def _write_derived_files(out: Path, result: TrialResult) -> None:
         write_whole(out / RESULT_NAME, result.to_json())
         _draw_run(out, result)
     except OSError as error:
-        raise RunFolderError(f"{error.filename or out}: cannot be written ({error.strerror})") from None
+        kept = f"the trial ended as {result.outcome.value}, and {LOG_NAME} has all of it"
+        text = f"{error.filename or out}: cannot be written ({error.strerror}); {kept}"
+        raise RunFolderError(text) from None
 
 
 def _draw_run(out: Path, result: TrialResult) -> None:

@@ -82,11 +82,20 @@ def make_folder(out: Path) -> None:
 
 
 def progress_log(out: Path, on_progress: Callable[[str], None]) -> Callable[[str], None]:
-    """Return a listener that also appends every line to ``out/progress.txt``, for runs in the background."""
+    """Return a listener that also appends every line to ``out/progress.txt``, for runs in the background.
+
+    It raises a :class:`RunFolderError` where the file cannot be written.
+    """
 
     def report(text: str) -> None:
-        with (out / "progress.txt").open("a", encoding="utf-8") as lines:
-            lines.write(f"{datetime.now():%Y-%m-%d %H:%M:%S} {text}\n")
+        file = out / "progress.txt"
+        try:
+            with file.open("a", encoding="utf-8") as lines:
+                lines.write(f"{datetime.now():%Y-%m-%d %H:%M:%S} {text}\n")
+        except OSError as error:  # that of a full disk names no file
+            raise RunFolderError(
+                f"{file}: cannot be written ({error.strerror}); make room, or choose another --out"
+            ) from None
         on_progress(text)
 
     return report

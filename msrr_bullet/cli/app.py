@@ -191,7 +191,7 @@ def check(
                 loaded = load_scene(file, given, told_as="--set")
                 check_trial(loaded)
         except MsrrError as error:
-            code = report_error(str(error), BAD_INPUT)
+            code = report_error(str(error) if len(files) == 1 else _of_file(file, str(error)), BAD_INPUT)
             continue
         bodies = f"{counted(len(loaded.units), 'unit')}, {counted(len(loaded.obstacles), 'obstacle')}"
         typer.echo(
@@ -224,6 +224,12 @@ def schema(
         typer.echo(text, nl=False)
     else:
         write_text(out, text)
+
+
+def _of_file(file: str, message: str) -> str:
+    """Return a message with the file in the lines whose place is an option, which is given for all files."""
+    lines = message.splitlines()
+    return "\n".join(f"{file}: {line}" if line.startswith("--set ") else line for line in lines)
 
 
 def _task(scene: Scene) -> str:

@@ -135,6 +135,8 @@ def os_error_text(error: OSError) -> str:
     """Return an error of the operating system as other messages are: first the place, without its number."""
     if error.strerror is None:
         return str(error)
+    if error.filename is None and error.errno == errno.ENOENT:  # of os.getcwd()
+        return "the working folder is not there any more; change to another one"
     text = error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
     return f"{text}; make room, or name another place" if error.errno == errno.ENOSPC else text
 

@@ -80,7 +80,7 @@ def tolerance(
     if len(arguments["seeds"]) < 2:
         raise SceneError(f"--seeds {seeds}: a study needs two seeds or more, one for each sign of an error")
     wanted = _parse_grades(grades)
-    from msrr_bullet.tolerance.study import STORE, run_study
+    from msrr_bullet.tolerance.study import run_study
 
     console = open_console()
     with status_line(console, f"{loaded.name}: checking the effects") as show:
@@ -96,7 +96,8 @@ def tolerance(
                 **arguments,
             )
         except KeyboardInterrupt:
-            typer.echo(f"The trials so far are in {folder / STORE}; the same command goes on from there.")
+            if (store := folder / "trials.sqlite").exists():
+                typer.echo(f"The trials so far are in {store}; the same command goes on from there.")
             raise
     _report(console, study)
     typer.echo(f"page: {folder / 'tolerance.html'}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -216,7 +217,8 @@ def read_log(path: str | Path) -> Log:
             file.seek(max(0, size - len(MAGIC)))
             complete = size > len(MAGIC) and file.read() == MAGIC
     except OSError as error:
-        raise LogError(f"{path}: cannot read the log: {error.strerror}") from error
+        mend = f"; name a run folder, or the {LOG_NAME} in one" if error.errno == errno.ENOENT else ""
+        raise LogError(f"{path}: cannot read the log: {error.strerror}{mend}") from error
     if start != MAGIC:
         raise LogError(f"{path}: not an MCAP file; name a run folder, or the {LOG_NAME} in one")
     metadata: dict[str, str] | None = None

@@ -22,6 +22,7 @@ from msrr_bullet.studies.model import Reproduction
 from msrr_bullet.studies.search_space import Part
 from msrr_bullet.studies.settings import STANDARD
 from msrr_bullet.studies.tuned_controller import tuned_choice
+from msrr_bullet.sweep.trial_store import study_store
 from msrr_bullet.sweep.worker_pool import SpawnedPool
 from msrr_scenes.specs.spec import Choice
 from msrr_scenes.whole_files import write_whole
@@ -68,6 +69,7 @@ def reproduce(
             another reproduction is under way in this folder.
     """
     make_folder(out)
+    store = study_store(out) if bullet is not None else None  # before the minutes of the studies, too
     docking = {label_of(name): Choice(name=name) for name in _LAWS["docking"]}
     experiments = paper_experiments(docking, mission) if bullet is not None else ()
     for experiment in experiments:  # before the minutes of the studies: a mission may not exist
@@ -82,8 +84,8 @@ def reproduce(
             with pools as pool:
                 compared: Contenders = {"long": contenders("assembly"), "close": contenders("docking")}
                 parts.append(reproduce_unicycle(unicycle, compared, pool, report))
-        if bullet is not None:
-            found = reproduce_bullet(experiments, bullet, out / "trials.sqlite", jobs, report)
+        if bullet is not None and store is not None:
+            found = reproduce_bullet(experiments, bullet, store, jobs, report)
             report("the paper's Fig. 6 in the real loop")
             cell = parts[0].maps[0].paper_cell if parts else PAPER_LIKE
             parts.append(found.model_copy(update={"figure6": (bullet_figure6(bullet.start, cell),)}))

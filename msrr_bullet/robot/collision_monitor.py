@@ -204,7 +204,7 @@ class CollisionMonitor:
 
         ahead = min_clearance(twist)
         no_loss = present.distance - _LOSS_M
-        if ahead >= min(slow, no_loss):
+        if ahead >= min(slow, no_loss) or twist == Twist():  # nothing is better than to stop
             return MonitorDecision(twist, present, MonitorState.FREE, ahead - uncertainty)
         if ahead >= stop:
             share = _CREEP + (1.0 - _CREEP) * (ahead - stop) / (slow - stop)

@@ -57,15 +57,29 @@ def check_store(path: Path) -> None:
         pass
 
 
+def study_store(folder: Path) -> Path:
+    """Return the store in which a study keeps its trials, made if there is none.
+
+    Raises:
+        StoreError: The file in the folder of the study cannot be used.
+    """
+    path = folder / "trials.sqlite"
+    with TrialStore(path, mend="move that file away, or choose another --out"):
+        return path
+
+
 class TrialStore:
     """Results keyed by (scene hash, seed, code). A result is safe on disk when :meth:`put` returns."""
 
-    def __init__(self, path: Path, result_type: type[TrialResult] = TrialResult) -> None:
+    def __init__(
+        self, path: Path, result_type: type[TrialResult] = TrialResult, mend: str = "name another store"
+    ) -> None:
         """Open a store; create it if the file does not exist.
 
         Args:
             path: The file.
             result_type: Kind of its results.
+            mend: What messages say is to be done if the file is no store.
 
         Raises:
             StoreError: The file is not a store, has another layout, or cannot be opened.
@@ -78,18 +92,17 @@ class TrialStore:
                 tables = {name for (name,) in self._db.execute("SELECT name FROM sqlite_master")}
                 layout = int(self._db.execute("PRAGMA user_version").fetchone()[0])
                 if tables and not {"scenes", "trials"} <= tables:
-                    raise StoreError(f"{path}: a database, but no store of trials; name another store")
+                    raise StoreError(f"{path}: a database, but no store of trials; {mend}")
                 if tables and layout != LAYOUT:
                     raise StoreError(
                         f"{path}: not a store of this version (layout {layout}, now {LAYOUT});"
-                        " delete the file, or name another store"
+                        f" delete the file, or {mend}"
                     )
                 if not tables:
                     self._db.executescript(_CREATION)
         except (*_ERRORS, OSError) as error:
             reason = error.strerror if isinstance(error, OSError) else error
-            text = f"{path}: cannot be opened as a store of trials ({reason}); name another store"
-            raise StoreError(text) from None
+            raise StoreError(f"{path}: cannot be opened as a store of trials ({reason}); {mend}") from None
 
     def __enter__(self) -> TrialStore:
         return self

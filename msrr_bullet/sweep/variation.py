@@ -20,7 +20,7 @@ from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_scenes.errors import SceneError
 from msrr_scenes.html import html_table
 from msrr_scenes.loading.load import load_scene, scene_hash
-from msrr_scenes.loading.yaml_document import override_text
+from msrr_scenes.loading.overrides import override_text
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.wording import counted
 

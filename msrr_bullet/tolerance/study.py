@@ -8,6 +8,7 @@ from typing import Any
 
 from msrr_bullet.run_folder import make_folder, progress_log
 from msrr_bullet.sweep.summary import TrialFailure
+from msrr_bullet.sweep.trial_store import study_store
 from msrr_bullet.sweep.trials import one_trial, run_trials
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_bullet.tolerance.effects import Effect, as_designed_scene, effects_of, select_effects
@@ -19,9 +20,6 @@ from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.specs.as_built import GRADES, Grade
 from msrr_scenes.specs.scene import Scene
-
-#: File of a study's folder that holds every trial.
-STORE = "trials.sqlite"
 
 #: Called with a line of text that says how far the study is.
 ProgressListener = Callable[[str], None]
@@ -52,10 +50,14 @@ def run_study(
 
     The folder ``out`` is created if it does not exist; ``effects`` are names of effects or of their groups,
     and without any, all that act in the scene. All else is that of :func:`tolerance_study`.
+
+    Raises:
+        StoreError: ``out/trials.sqlite`` is something else.
     """
     known = effects_of(scene)
     chosen = select_effects(known, effects) if effects else known
     make_folder(out)
+    store = study_store(out)
     report = progress_log(out, on_progress)
     report("checking the scenes of the first round")
     study = tolerance_study(
@@ -65,7 +67,7 @@ def run_study(
         seeds=seeds,
         grade_seeds=grade_seeds,
         all_graded={e.name for e in known if e.graded} <= {e.name for e in chosen},
-        store=out / STORE,
+        store=store,
         jobs=jobs,
         wall_limit_s=wall_limit_s,
         on_progress=report,

@@ -51,6 +51,10 @@ class ParameterError(SceneError):
         return "\n".join(f"{name}: {text}" if name else text for name, text in self.faults.items())
 
 
+class MissingPackageError(MsrrError):
+    """An optional package that an implementation needs is not installed."""
+
+
 class GeometryError(MsrrError):
     """A unit description (URDF) that lacks a named frame or contradicts itself."""
 

@@ -13,6 +13,7 @@ from pydantic import BaseModel
 
 from msrr_scenes.errors import (
     ChangedFileError,
+    MissingPackageError,
     MsrrError,
     ParameterError,
     SceneError,
@@ -148,7 +149,7 @@ def build(key: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fixe
     Raises:
         UnknownNameError: The name of the choice is unknown; see :func:`resolve`.
         SceneError: The implementation does not take the scene's parameters; the message begins with the key
-            of the parameter, or of the choice, and the cause is attached.
+            of the parameter, or of the choice, and the cause is attached. A package may be missing.
         ProgramFailedError: A class that is named by its import path fails while it is built.
     """
     factory = resolve(key, choice.name, table)
@@ -170,6 +171,8 @@ def build(key: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fixe
     try:
         with numpy_errors(), naming_parameters(key, what):
             built = factory(*args, **fixed, **deepcopy(choice.params))  # a class may change what it is given
+    except MissingPackageError as error:
+        raise SceneError(f"{key}: {error}") from error
     except (KeyboardInterrupt, StoppedError, MsrrError):
         raise
     except BaseException as error:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -174,6 +176,22 @@ def test_a_folder_that_cannot_be_made_is_said_before_the_trial(shipped: Load, tm
         run_trial(
             shipped("close_range", SHORT, blind=True), 1, out=tmp_path / "taken" / "run", observer=unreached
         )
+
+
+def test_a_page_that_finds_no_room_costs_neither_the_verdict_nor_the_log(
+    shipped: Load, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The outcome of the trial was not told."""
+
+    def full(*args: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("msrr_bullet.run._draw_run", full)
+    said = r"\(No space left on device\); the trial ended as timeout, and trial\.mcap has all of it"
+    with pytest.raises(RunFolderError, match=said):
+        run_trial(shipped("close_range", SHORT, blind=True), SEED, out=tmp_path)
+    assert read_log(tmp_path).complete
+    assert (tmp_path / "result.json").is_file()
 
 
 def test_two_runs_into_one_folder_at_the_same_time_are_refused(shipped: Load, tmp_path: Path) -> None:

@@ -62,13 +62,14 @@ class Coordinator:
         self._hopeless_ns: int | None = None
         self._replans = self._most_replans = 0
         self._done: tuple[str, ...] = ()  # tasks of the shapes before
-        self._watch, self._recall = Watch(self._patience, setup.tolerance), Recall(self._patience)
+        self._watch = Watch(self._patience, setup.tolerance)
         self._states = UnitStates(self._units, self._watch)
         self._set_out(mission)
 
     def _set_out(self, mission: Mission) -> None:
         """Begin a mission, or the next one of several."""
         self._mission, self._siting = mission, Siting(mission, self._setup)
+        self._recall = Recall(self._patience)  # what held units in the shape before need not hold them here
         self._reason, self._tasks = "waits for the first sight of the units", TaskList(())
         for unit in self._units.values():
             unit.task, unit.evasions = None, 0
@@ -85,7 +86,9 @@ class Coordinator:
         """Take in the estimates of the overhead camera."""
         for body in bodies:
             unit = self._units[body.name]
-            self._changed = self._changed or unit.X_WU is None
+            if unit.X_WU is None and self._state is MissionState.RUNNING:
+                self._changed = True
+                self._tasks.take_up_again()  # nobody could do them without it
             unit.observe(body, now_ns)
         self._dispatcher.ends.obstacles = obstacles
 

@@ -165,8 +165,8 @@ class Dispatcher:
         """
         for task in tasks.ready():
             assigned = self.assigner.assignment(tasks).get(task.name)
-            if assigned is None:
-                continue  # there is nobody to make way for
+            if assigned is None or self._units[assigned].X_WU is None:
+                continue  # there is nobody to make way for, or nobody knows where
             lanes = self.ends.lanes_of(task, tasks, assigned)
             if not lanes:
                 continue

@@ -73,11 +73,10 @@ def _check(log: Log, shown: Sequence[Shown], size: tuple[int, int], speed: float
     low, high = MIN_SIZE, MAX_SIZE
     if not (low[0] <= width <= high[0] and low[1] <= height <= high[1]) or width % 2 or height % 2:
         raise FilmError(
-            f"a film of {width}x{height} pixels: give two even numbers from {low[0]}x{low[1]} to "
-            f"{high[0]}x{high[1]}"
+            f"--size {width}x{height}: give two even numbers from {low[0]}x{low[1]} to {high[0]}x{high[1]}"
         )
     if not 0.01 <= speed <= 1000.0:
-        raise FilmError(f"a film at {speed:g} times the speed: give a number from 0.01 to 1000")
+        raise FilmError(f"--speed {speed:g}: give a number from 0.01 to 1000")
     if not shown or len(shown) != len(set(shown)):
         raise FilmError("a film shows one of scene, overhead and onboard, or several of them, each once")
     if "overhead" in shown and log.header.scene.cameras.overhead is None:

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from msrr_perception.detection.native_apriltag import EDGE_TO_CENTRE_PX, DetectorError
+from msrr_perception.detection.native_apriltag import EDGE_TO_CENTRE_PX
 from msrr_perception.detection.per_thread import kept_per_thread
 from msrr_perception.detection.refining_detector import RefiningDetector, check_ranges
+from msrr_scenes.errors import MissingPackageError
 from msrr_scenes.messages import Pixels, TagDetection
 
 
@@ -32,7 +33,7 @@ class PyAprilTagsDetector(RefiningDetector):
 
         Raises:
             ParameterError: A parameter is out of its range.
-            DetectorError: pyapriltags is not installed.
+            MissingPackageError: pyapriltags is not installed.
         """
         check_ranges(locals(), "max_hamming")
         super().__init__(family, max_hamming, min_decision_margin, refine)
@@ -59,7 +60,7 @@ def _native(family: str) -> Any:
     try:
         import pyapriltags
     except ModuleNotFoundError:
-        raise DetectorError(
+        raise MissingPackageError(
             "detector 'pyapriltags' needs the package pyapriltags: pip install 'msrr-bullet[pyapriltags]'"
         ) from None
     return pyapriltags.Detector(families=family, nthreads=1)

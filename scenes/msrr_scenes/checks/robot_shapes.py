@@ -124,6 +124,8 @@ def _problem(link: str, visual: Element) -> str | None:
         return f"link {link!r}: a <visual> without a shape; remove it"
     if shape.tag not in (*DRAWN_PRIMITIVES, "mesh"):
         return f"link {link!r}: unsupported shape <{shape.tag}>; use {', '.join(DRAWN_PRIMITIVES)} or mesh"
+    if shape.tag == "mesh" and not shape.get("filename"):
+        return f'link {link!r}: a <mesh> without a file; name one by filename="..."'
     mesh = Path(shape.get("filename", ""))
     if shape.tag == "mesh" and (mesh.suffix.lower() not in _MESHES or not mesh.is_file()):
         lacks = "convert it" if mesh.is_file() else "there is no such file"

@@ -286,7 +286,7 @@ def _read_tree(path: Path, frame_map: FrameMap) -> UnitGeometry:
         raise GeometryError(
             f"{path}: lacks the link(s) {', '.join(missing)}; a unit needs {', '.join(required)}. Links of "
             f"other names are mapped in the scene, as in frames: {{{missing[0]}: <link>}}; the URDF has "
-            f"{', '.join(tree.links)}"
+            f"{', '.join(tree.links) or 'no links'}"
         )
     check_rigid(tree)
     solids = tuple(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 from collections.abc import Mapping
 from copy import deepcopy
@@ -22,14 +23,9 @@ from msrr_scenes.geometry.obj_file import looked_for
 from msrr_scenes.geometry.unit_geometry import library_folder
 from msrr_scenes.geometry.urdf_file import elements_with_files, named_file
 from msrr_scenes.loading.embedded_files import embed_calibrations, embed_maps
+from msrr_scenes.loading.overrides import apply_overrides, override_text
 from msrr_scenes.loading.validation_errors import explain
-from msrr_scenes.loading.yaml_document import (
-    YamlDocument,
-    apply_overrides,
-    override_text,
-    parse_document,
-    read_text,
-)
+from msrr_scenes.loading.yaml_document import YamlDocument, parse_document, read_text
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Spec
 
@@ -65,7 +61,8 @@ def find_scene(name_or_path: str) -> Path:
             if path.is_dir():
                 raise SceneError(f"{name_or_path}: a folder; name a scene file in it")
             if not path.is_file():
-                raise SceneError(f"{name_or_path}: no such scene file")
+                other = os.path.lexists(path)  # a pipe, a device, or a link that leads nowhere
+                raise SceneError(f"{name_or_path}: {'not a regular file' if other else 'no such scene file'}")
             return path
         meant = f", such as {name_or_path}.yaml" if Path(f"{name_or_path}.yaml").is_file() else ""
     except OSError as error:  # such as a name that is too long, or a folder that may not be entered

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import yaml
 
 from msrr_scenes.checks.problems import KeyPath, dotted
@@ -22,9 +22,17 @@ MAX_NUMBER = 40
 #: Longest key [characters].
 MAX_KEY = 100
 
-#: Key that a text stands for where a mapping may be written as a text: ``as_built: careful`` is short for
-#: ``as_built: {grade: careful}``, so that an override may give a key beside the grade.
-SHORT_FORMS: Mapping[KeyPath, str] = {("as_built",): "grade"}
+#: What the parser calls things that are opened and closed, by brackets or quotation marks.
+_OPENED = re.compile("flow (mapping|sequence)|quoted scalar")
+#: Parts of messages of the parser that only its authors understand, and what is to be said instead.
+_WORDS: Mapping[str, str] = {
+    r"'\t'": "a tab; indent with spaces",
+    "cannot start any token": "a text that begins with this character has to be in quotes",
+    "the node content": "a value is expected here",
+    "another document": "a second document begins here; a file holds one",
+    "<block end>": "this does not go with what stands before it; check indentation, brackets and quotes",
+    "mapping values": "no key is expected here; check indentation, and put a text with a colon in quotes",
+}
 
 _TAG = "tag:yaml.org,2002:"
 _SCALARS = {_TAG + kind for kind in ("null", "bool", "int", "float", "str", "timestamp")}
@@ -60,7 +68,8 @@ def read_text(path: Path) -> str:
         with path.open(encoding="utf-8-sig") as file:
             text = file.read(MAX_CHARACTERS + 1)  # an endless one would fill the memory
     except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: not UTF-8 text: {error.reason} at byte {error.start}") from None
+        where = f"{error.reason} at byte {error.start}"
+        raise SceneError(f"{path}: not UTF-8 text: {where}; save the file as UTF-8") from None
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
     if len(text) > MAX_CHARACTERS:
@@ -88,101 +97,18 @@ def parse_document(text: str, source: str) -> YamlDocument:
     return YamlDocument(data, reader.origins)
 
 
-def override_text(key: str, value: object) -> str:
-    """Return the value of an override as YAML text: a text as it is, a value of Python as YAML writes it.
-
-    Raises:
-        SceneError: It is an object that YAML has no text for.
-    """
-    if isinstance(value, str):
-        return value
-    try:
-        text = yaml.safe_dump(
-            _plain(value),
-            default_flow_style=True,
-            width=MAX_CHARACTERS,
-            allow_unicode=True,
-            sort_keys=False,
-        )
-    except yaml.YAMLError:
-        raise SceneError(
-            f"{key}: expected a text, a number, true, false or null, or a list or a dict of these, found an "
-            f"object of type {type(value).__name__}"
-        ) from None
-    except ValueError as error:  # a whole number of thousands of digits
-        raise SceneError(f"{key}: {error}") from None
-    return text.removesuffix("...\n").strip()
-
-
-def _plain(value: object) -> object:
-    """Return a value with numbers of Python in the place of those of NumPy, also within lists and dicts."""
-    match value:
-        case np.generic():
-            return value.item()
-        case dict():
-            return {_plain(key): _plain(inner) for key, inner in value.items()}
-        case list() | tuple():
-            return [_plain(inner) for inner in value]
-    return value
-
-
-def apply_overrides(
-    document: YamlDocument, overrides: Mapping[str, str], told_as: str | Mapping[str, str] = "override"
-) -> None:
-    """Write ``a.b.c=value`` pairs into a document; lists take an index, missing mappings are created.
+def parse_value(text: str, source: str) -> Any:
+    """Return the plain value that a text of YAML stands for, nothing for an empty one.
 
     Args:
-        document: The document, which is changed.
-        overrides: Dotted keys and their values as YAML text.
-        told_as: What messages call an override, or each of them by its key.
+        text: The text.
+        source: Where it was given, for messages.
 
     Raises:
-        SceneError: A value is no YAML that a scene file could hold, or a path leads through a plain value or
-            past the end of a list.
+        SceneError: It is no YAML that a scene file could hold.
     """
-    given: list[str] = []
-    names = dict.fromkeys(overrides, told_as) if isinstance(told_as, str) else told_as
-    for key, text in overrides.items():
-        option = f"{names[key]} {key}={text}"
-        parts = key.split(".")
-        lost = next((earlier for earlier in given if earlier.startswith(f"{key}.")), None)
-        if lost is not None:
-            raise SceneError(f"{option}: it would take back {names[lost]} {lost}; give {key} before {lost}")
-        given.append(key)
-        if not all(parts):
-            raise SceneError(f"{option}: expected a dotted key such as cameras.onboard.noise_grey")
-        node = _compose(text, option)
-        _put(document, parts, None if node is None else _Reader(option).value(node, (), 0), option)
-
-
-def _put(document: YamlDocument, parts: list[str], value: Any, option: str) -> None:
-    container: Any = document.data
-    path: KeyPath = ()
-    for depth, part in enumerate(parts):
-        key: str | int = part
-        if isinstance(container, list):
-            if not part.isdecimal() or int(part) >= len(container):
-                valid = f"0 .. {len(container) - 1}" if container else "none, it is empty"
-                raise SceneError(
-                    f"{option}: {dotted(path)} is a list; expected an index ({valid}), found {part!r}"
-                )
-            key = int(part)
-        elif not isinstance(container, dict):
-            raise SceneError(f"{option}: {dotted(path)} is a plain value and has no key {part!r}")
-        path = (*path, key)
-        if depth == len(parts) - 1:
-            container[key] = value
-        elif isinstance(container, dict) and container.get(key) is None:
-            container[key] = {}
-            document.origins[path] = option
-        elif path in SHORT_FORMS and isinstance(container[key], str):
-            container[key] = {SHORT_FORMS[path]: container[key]}
-        elif parts[depth + 1] == "params" and isinstance(container[key], str):
-            container[key] = {"name": container[key]}  # the short form of a choice
-        container = container[key]
-    for old in [p for p in document.origins if p[: len(path)] == path]:
-        del document.origins[old]
-    document.origins[path] = option
+    node = _compose(text, source)
+    return None if node is None else _Reader(source).value(node, (), 0)
 
 
 def _compose(text: str, source: str) -> yaml.Node | None:
@@ -191,21 +117,32 @@ def _compose(text: str, source: str) -> yaml.Node | None:
         loader = _Composer(text, source)
         return loader.get_single_node()
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
+        mark, problem = _in_words(error)
         place = _position(source, mark.line, mark.column) if mark else source
-        found = error.problem or error.context
-        problem = "a tab; indent with spaces" if r"'\t'" in str(found) else found
         raise SceneError(f"{place}: not valid YAML: {problem}") from None
     except yaml.reader.ReaderError as error:
         line_start = text.rfind("\n", 0, error.position) + 1
         place = _position(source, text.count("\n", 0, error.position), error.position - line_start)
+        mend = "" if error.character else "; save the file as UTF-8"  # every second byte of one in UTF-16
         raise SceneError(
-            f"{place}: not valid YAML: the character U+{error.character:04X} is not allowed"
+            f"{place}: not valid YAML: the character U+{error.character:04X} is not allowed{mend}"
         ) from None
     except (ValueError, OverflowError):  # of chr(), for "\\U00110000" and beyond
         assert loader is not None
         place = _position(source, loader.line, loader.column)
         raise SceneError(f"{place}: not valid YAML: no character has the number of this escape") from None
+
+
+def _in_words(error: yaml.MarkedYAMLError) -> tuple[yaml.Mark | None, str]:
+    """Return the place of a mistake in YAML, and the mistake in words for who does not know its grammar."""
+    context, found = error.context or "", error.problem or ""
+    mark = error.problem_mark or error.context_mark
+    if "end of stream" in found or "stream end" in found:
+        opened = error.context_mark if _OPENED.search(context) else None
+        return opened or mark, "this is never closed" if opened else "the text ends where a value is expected"
+    if "could not find expected ':'" in found:
+        return error.context_mark or mark, "a line that is neither `key: value` nor part of a list"
+    return mark, next((words for part, words in _WORDS.items() if part in found), found or context)
 
 
 class _Composer(yaml.SafeLoader):

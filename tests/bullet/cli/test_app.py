@@ -146,6 +146,9 @@ def test_check(capsys: Capture, tmp_path: Path) -> None:
     out, err = capsys.readouterr()
     assert err.startswith("msrr: bad.yaml:1:1: ")
     assert "close_range: ok" in out
+    assert run(["check", "close_range", "corridor", "--set", "time_limit=9"]) == 2
+    places = [line.partition(": time_limit: ")[0] for line in capsys.readouterr().err.splitlines()]
+    assert places == [f"msrr: {name}: --set time_limit=9" for name in ("close_range", "corridor")]
 
 
 @pytest.mark.parametrize(
@@ -211,9 +214,10 @@ def test_a_place_that_cannot_be_written_is_named_before_the_work(
         (["sweep", "close_range", "--json", "no/such/folder.json"], "not a file in an existing folder"),
         (["bench", "close_range", "--json", "."], "not a file in an existing folder"),
         (["check", "."], ".: a folder; name a scene file in it"),
+        (["check", "/dev/null"], "/dev/null: not a regular file"),
         (["dock", "close_range", "--out", ""], "an argument is empty; give it a value"),
         (["dock", "close_range", "--out="], "an argument is empty; give it a value"),
-        (["replay", "no/such/run"], "no/such/run: cannot read the log"),
+        (["replay", "no/such/run"], "cannot read the log: No such file or directory; name a run folder, or"),
         (["film", "no/such/run"], "no/such/run: cannot read the log"),
         (["plot", "no/such/run"], "no/such/run: cannot read the log"),
         (["export", "no/such/run", "--rerun"], "no/such/run: cannot read the log"),

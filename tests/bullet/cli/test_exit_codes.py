@@ -214,6 +214,19 @@ def test_a_link_that_leads_back_to_itself_is_bad_input(tmp_path: Path, capsys: C
     assert said == f"msrr: '{tmp_path / 'loop.png'}': a link that leads back to itself; name a file\n"
 
 
+def test_a_working_folder_that_was_deleted_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    """It said "No such file or directory", and not which."""
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert run(["plot"]) == 2
+    assert (
+        capsys.readouterr().err == "msrr: the working folder is not there any more; change to another one\n"
+    )
+
+
 def test_a_signal_during_a_call_of_a_user_s_class_is_no_failure_of_that_class(
     capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

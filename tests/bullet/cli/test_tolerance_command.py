@@ -28,6 +28,22 @@ def test_bad_input_is_refused_before_any_trial(
     assert not Path("runs").exists()
 
 
+def test_a_study_that_is_interrupted_before_any_trial_names_no_store(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It named one that was not there."""
+
+    def interrupted(*args: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("msrr_bullet.tolerance.study.run_study", interrupted)
+    assert run(["tolerance", "close_range", "--out", str(tmp_path)]) == 130
+    assert capsys.readouterr() == ("", "msrr: interrupted\n")
+    (tmp_path / "trials.sqlite").touch()
+    assert run(["tolerance", "close_range", "--out", str(tmp_path)]) == 130
+    assert f"The trials so far are in {tmp_path / 'trials.sqlite'}; " in capsys.readouterr().out
+
+
 @pytest.mark.nightly
 def test_a_study_with_contact_and_pixels_from_the_command_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

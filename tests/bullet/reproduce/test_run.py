@@ -10,7 +10,7 @@ from msrr_bullet.reproduce.progress import ProgressListener
 from msrr_bullet.reproduce.report.findings import requirements
 from msrr_bullet.reproduce.report.ranking import COLUMNS, default_controller_text, ranking_text
 from msrr_bullet.reproduce.run import contenders, joined, reproduce, write_all
-from msrr_bullet.run_folder import locked
+from msrr_bullet.run_folder import RunFolderError, locked, progress_log
 from msrr_bullet.studies.ablations import VARIANTS
 from msrr_bullet.studies.model import Reproduction
 from msrr_bullet.studies.settings import HARD, STANDARD
@@ -152,3 +152,10 @@ def test_a_mission_that_cannot_be_measured_is_refused_before_the_studies(
     with pytest.raises(MsrrError, match=said):
         reproduce(tmp_path, unicycle=range(1), bullet=range(1), mission=mission, on_progress=lines.append)
     assert lines == []
+
+
+def test_progress_that_finds_no_room_names_its_file(tmp_path: Path) -> None:
+    """The error of a full disk names none."""
+    (tmp_path / "progress.txt").symlink_to("/dev/full")
+    with pytest.raises(RunFolderError, match=r"progress\.txt: cannot be written \(No space left on device\)"):
+        progress_log(tmp_path, lambda text: None)("half done")

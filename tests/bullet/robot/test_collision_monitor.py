@@ -235,6 +235,20 @@ def test_the_monitor_never_adds_to_a_command(count: int) -> None:
     assert states == set(MonitorState)
 
 
+def test_a_command_to_stand_still_passes_unchanged_however_near_the_unit_comes_as_it_brakes() -> None:
+    """It counted as one that the monitor had slowed or stopped, as if a body held the unit."""
+    scene = arena()
+    monitor = CollisionMonitor(scene, "a", scene.docks[0])
+    for i in range(60):
+        monitor.limit(Twist(0.2), known(i * 20_000_000, SE2(), SE2(2.0, 0.0)), i * 20_000_000)
+    for gap_m in (0.05, 0.03, 0.02):
+        at = known(1_200_000_000, SE2(), SE2(0.12 + 0.06 + gap_m, 0.0))
+        decision = monitor.limit(Twist(), at, 1_200_000_000)
+        assert (decision.state, decision.twist) == (MonitorState.FREE, Twist())
+        assert decision.clearance is not None
+        assert decision.ahead < decision.clearance.distance - 0.001, "it still moves towards the body"
+
+
 def test_the_target_may_be_touched_while_docking_and_nothing_else() -> None:
     scene = arena()
     at_port = SE2(-0.1 - 0.118 - 0.01, 0.0, 0.0)

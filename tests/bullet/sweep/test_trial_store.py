@@ -11,11 +11,14 @@ from typing import Any
 import pytest
 
 from msrr_bullet.cli.app import run
+from msrr_bullet.reproduce.run import reproduce
 from msrr_bullet.run import run_trial
 from msrr_bullet.sweep.summary import SweepSummary
 from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.trial_store import StoreError, TrialStore
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
+from msrr_bullet.tolerance.study import run_study
+from msrr_scenes.loading.load import load_scene
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
@@ -248,6 +251,20 @@ def test_a_place_that_cannot_hold_a_store_is_named_with_the_mend(tmp_path: Path)
             TrialStore(tmp_path / place)
         said = f"{tmp_path / place}: cannot be opened as a store of trials ({reason}); name another store"
         assert str(caught.value) == said
+
+
+def test_the_store_of_a_study_that_is_something_else_is_named_with_the_option(tmp_path: Path) -> None:
+    """Before anything is computed. The message told to name another store, which no option does."""
+    file = tmp_path / "trials.sqlite"
+    file.write_bytes(b"notes of the last meeting, not a database" * 30)
+    for study in (
+        lambda: run_study(load_scene("close_range"), tmp_path, seeds=[0, 1], grade_seeds=[0]),
+        lambda: reproduce(tmp_path, unicycle=range(1), bullet=range(1)),
+    ):
+        with pytest.raises(StoreError) as caught:
+            study()
+        reason = "cannot be opened as a store of trials (file is not a database)"
+        assert str(caught.value) == f"{file}: {reason}; move that file away, or choose another --out"
 
 
 def test_a_store_that_another_program_holds_is_named_with_the_mend(

@@ -471,6 +471,32 @@ def test_a_unit_that_was_not_seen_yet_is_waited_for(rig: type[Rig], unseen: str,
         assert 30.0 < run.now_ns * 1e-9 < 45.0
 
 
+def test_a_unit_that_is_first_seen_when_its_task_was_given_up_for_want_of_it_does_it(rig: type[Rig]) -> None:
+    """Of two that were never seen one did its task, which was still open, and the other stayed idle."""
+    starts = {"a": SE2(-1.2, 0.6), "b": SE2(0.6, 0.6), "c": SE2(-1.2, -0.6), "d": SE2(0.6, -0.6)}
+    steps = [DockStep(unit="a", to="b.rear", after=()), DockStep(unit="c", to="d.rear", after=())]
+    run = rig(Mission(steps=steps), starts)
+    run.units["a"].hidden_s = run.units["c"].hidden_s = (0.0, math.inf)
+    while run.now_ns < 100e9 and not run.status.given_up:
+        run.step()
+    assert (len(run.status.given_up), run.status.state) == (1, MissionState.RUNNING)
+    assert run.units["b"].route == 0, "nobody makes way for a unit that may be anywhere"
+    run.units["a"].hidden_s = run.units["c"].hidden_s = (0.0, 0.0)
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.joints == {"a": "b.rear", "c": "d.rear"}
+
+
+def test_what_was_given_up_stays_so_once_the_mission_has_ended(rig: type[Rig], starts: Starts) -> None:
+    run = rig(Mission(shape=build_pattern("line", 3)), starts(1, 3))
+    run.units["u1"].hidden_s = (0.0, 1000.0)
+    ended = run.run()
+    run.units["u1"].hidden_s = (0.0, 0.0)
+    for _ in range(20):
+        run.step()
+    assert (run.status.state, run.status.given_up) == (MissionState.INCOMPLETE, ended.given_up)
+
+
 def test_an_assembly_takes_another_shape(rig: type[Rig]) -> None:
     line, tee = build_pattern("line", 5), build_pattern("tee", 5)
     names = {place.name: f"u{k}" for k, place in enumerate(line.places)}
@@ -506,6 +532,24 @@ def test_shapes_are_built_one_after_the_other_from_what_the_units_report(
     assert seen == list(shapes)
     assert run.is_built(line)
     assert len(status.done) == 4 + 2 * (len(set(shape_ports(tee).values()) - set(shape_ports(line).values())))
+
+
+def test_a_unit_that_was_held_often_in_one_shape_gets_another_route_in_the_next(
+    rig: type[Rig], starts: Starts
+) -> None:
+    """It failed there when it was held once."""
+    line, tee = build_pattern("line", 5), build_pattern("tee", 5)
+    run = rig(Mission(line, name="line", then=Mission(tee, name="tee")), starts(1, 5))
+    while run.now_ns < 400e9 and run.status.shape == "line":
+        for name, unit in run.units.items():
+            recalled = run.coordinator._recall._times.get(name, 0)
+            unit.held_routes = 99 if recalled < Patience().recalls else 0
+        run.step()
+    for unit in run.units.values():
+        unit.held_routes = unit.route + 1
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.is_built(tee)
 
 
 def test_a_shape_is_built_where_there_is_room_for_those_after_it(rig: type[Rig]) -> None:

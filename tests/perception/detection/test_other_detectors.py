@@ -13,7 +13,7 @@ import pytest
 
 from msrr_perception.detection.aruco_detector import ArucoDetector
 from msrr_perception.detection.detector import DETECTORS, Detector, PupilDetector, scene_detector
-from msrr_perception.detection.native_apriltag import DetectorError, tag_bitmap
+from msrr_perception.detection.native_apriltag import tag_bitmap
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels
@@ -113,5 +113,6 @@ def test_a_scene_names_them_and_mistakes_are_named(scene: Scene) -> None:
 def test_a_missing_extra_is_named_with_the_mend(monkeypatch: pytest.MonkeyPatch) -> None:
     """Asked for a family that no other test has loaded."""
     monkeypatch.setitem(sys.modules, "pyapriltags", None)
-    with pytest.raises(DetectorError, match=r"pip install 'msrr-bullet\[pyapriltags\]'"):
-        build("detector", Choice(name="pyapriltags", params={"family": "tag25h9"}), DETECTORS)
+    said = r"^control\.detector: detector 'pyapriltags' .* pip install 'msrr-bullet\[pyapriltags\]'"
+    with pytest.raises(SceneError, match=said):
+        build("control.detector", Choice(name="pyapriltags", params={"family": "tag25h9"}), DETECTORS)

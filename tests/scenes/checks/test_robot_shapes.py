@@ -32,6 +32,7 @@ ROUND = find_urdf("round.urdf")
         ('<capsule radius="0.1"/>', "a <capsule> needs a radius and length above 0, found '0.1'"),
         ('<mesh filename="no.stl"/>', "no.stl; there is no such file"),
         ('<mesh filename="hood.dae"/>', "hood.dae; convert it"),
+        ("<mesh/>", "a <mesh> without a file; name one by filename="),
         ('<mesh filename="hood.STL" scale="1 0 1"/>', "a <mesh> needs a scale of three numbers other than 0"),
     ],
 )

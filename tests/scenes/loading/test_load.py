@@ -187,7 +187,16 @@ def test_the_issues_start_sets_and_limits() -> None:
         ("{x_m: 0.4}", "{x_m: 0,4}", ["scene.yaml:6", "pose.4: unknown key; a decimal fraction has a point"]),
         ("radius_m: 0.05", "radius_m: 0,05", ["found '0,05'; a decimal fraction has a point"]),
         ("plan:", "arena: {x_m: [-1,5, 1,5]}\nplan:", ["at most 2 entries, found 4; a decimal fraction"]),
-        ("plan:", "plan: {", ["not valid YAML"]),
+        ("plan:", "plan: {", ["scene.yaml:21:3: not valid YAML: a value is expected here"]),
+        ("{x_m: 0.4}", "{x_m: 0.4", ["not valid YAML: expected ',' or '}'"]),
+        ("b.rear}", "b.rear", ["scene.yaml:21:5: not valid YAML: this is never closed"]),
+        ("two units", '"two units', ["scene.yaml:1:14: not valid YAML: this is never closed"]),
+        ("plan:", "plan", ["scene.yaml:20:1: not valid YAML: a line that is neither `key: value` nor"]),
+        ("  a:", " a:", ["scene.yaml:7:2: not valid YAML: this does not go with what stands before it"]),
+        ("number: 1", "number: 1: 2", ["scene.yaml:5:14: not valid YAML: no key is expected here; check"]),
+        ("plan:", "---\nplan:", ["scene.yaml:20:1: not valid YAML: a second document begins here"]),
+        ("two units", "@ two units", ["scene.yaml:1:14: ", "has to be in quotes"]),
+        ("two units", "\0", ["scene.yaml:1:14: ", "U+0000 is not allowed; save the file as UTF-8"]),
         ("    number: 1", "\tnumber: 1", ["scene.yaml:5:1: not valid YAML: a tab; indent with spaces"]),
         ("{x_m: 0.4}", "{x_m: !!python/name:os.system }", ["scene.yaml:6", "not allowed"]),
         ("{x_m: 0.4}", "{<<: {x_m: 0.4}}", ["scene.yaml:6", "merge keys"]),
@@ -236,7 +245,7 @@ def test_a_bomb_of_aliases_is_refused_quickly(tmp_path: Path) -> None:
 
 def test_other_ways_not_to_be_a_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(SceneError, match="not UTF-8"):
+    with pytest.raises(SceneError, match=r"not UTF-8 .*; save the file as UTF-8"):
         load_scene(tmp_path / "binary.yaml")
     with pytest.raises(SceneError, match="no such scene file"):
         load_scene(tmp_path / "missing.yaml")
@@ -378,6 +387,16 @@ def test_overrides_reach_below_a_grade_that_is_given_by_its_name_alone(tmp_path:
         ("cameras", "[", "not valid YAML"),
         ("cameras..onboard", "1", "expected a dotted key"),
         ("units.a.number", "1", "has the number 1 already; 0 is free"),
+        (
+            "units.z.number",
+            "3",
+            "there is no unit 'z'. Units here: b, a. A new one is given as a whole, units.z={",
+        ),
+        (
+            "obstacles.pots.radius_m",
+            "1",
+            "no obstacle 'pots'; did you mean 'post'? Obstacles here: post. A new",
+        ),
         ("los.half_width_m", "0.2", "too wide for the cone"),
     ],
 )

@@ -5,7 +5,8 @@ import pytest
 
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.loading.yaml_document import MAX_DEPTH, apply_overrides, override_text, parse_document
+from msrr_scenes.loading.overrides import apply_overrides, override_text
+from msrr_scenes.loading.yaml_document import MAX_DEPTH, parse_document
 
 TEXT = """\
 a: 1

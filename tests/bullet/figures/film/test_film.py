@@ -104,9 +104,9 @@ def test_what_cannot_be_filmed_is_refused(short_log, blind_run, tmp_path, capsys
         ("film.avi", {}, "ends in .mp4, .webm or .gif"),
         ("nowhere/film.mp4", {}, "not a file in an existing folder"),
         ("film.gif", {"speed": 0.1}, "a GIF may have"),
-        ("film.mp4", {"size": (641, 480)}, "two even numbers"),
+        ("film.mp4", {"size": (641, 480)}, "--size 641x480: give two even numbers"),
         ("film.mp4", {"size": (20, 10)}, "from 320x240"),
-        ("film.mp4", {"speed": float("nan")}, "from 0.01"),
+        ("film.mp4", {"speed": float("nan")}, "--speed nan: give a number from 0.01"),
         ("film.mp4", {"shown": ()}, "one of scene, overhead and onboard"),
     ):
         with pytest.raises(FilmError, match=text):
