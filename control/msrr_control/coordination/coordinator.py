@@ -190,6 +190,7 @@ class Coordinator:
             if unit.task is not None:
                 self._tasks.reopen(unit.task)
             unit.stand(now_ns, why)
+            unit.held = held and not vain
             if unit.holder is None:
                 unit.stand_down()
             elif held:

@@ -152,6 +152,7 @@ class Dispatcher:
             dock=enters is not None,
             leaves=None if unit.holder is None else unit.holder[0],
             enters=None if enters is None else enters[0],
+            held=unit.held,
         )
 
     # Making way.
@@ -249,10 +250,9 @@ class Dispatcher:
         if X_WE is None or unit.X_WU is None:
             return True  # nobody knows
         request = self._request(unit, X_WE, enters)
-        docked = list(self._units.values())
-        if X_WU is not None:  # it is in no port there
+        if X_WU is not None:
             request = replace(request, X_WU=X_WU, leaves=None)
-            docked = [other for other in docked if other is not unit]
+        docked = [other for other in self._units.values() if X_WU is None or other is not unit]
         holders = {port[0] for other in docked for port in other.docks}
         away = {
             other.name

@@ -77,7 +77,7 @@ class RouteFinder:
         X_WU, X_WE, obstacles, leaves = request.X_WU, request.X_WE, request.obstacles, request.leaves
         if X_WE is not None and not request.dock and leaves is None:
             turned = self._turn_in_place(X_WU, X_WE, request.standing)
-            if turned is not None and self._begins_freely(turned, obstacles):
+            if turned is not None and self._begins_freely(turned, request):
                 return turned
         tight: Track | None = None  # the collision monitor holds a unit that turns beside an obstacle
         for distance in BACK_OUT_M if leaves is not None else self._straight_first(request):
@@ -94,7 +94,7 @@ class RouteFinder:
                 continue
             track = builder.track()
             if self._contact(track, request) is None:
-                if leaves is not None or self._begins_freely(track, obstacles):
+                if leaves is not None or self._begins_freely(track, request):
                     return track
                 tight = tight or track
         return tight
@@ -110,18 +110,25 @@ class RouteFinder:
             may_drive = partial(self._planner.margins.may_drive_ahead, X_WU, obstacles)
             ways += takewhile(may_drive, _AHEAD_M)
         for discs in ((), self._discs(request)):
-            way = self._planner.margins.way_to_turn(ArenaMap(X_WU, X_WU, discs, obstacles), self.body.radius)
+            way = self._way_to_turn(X_WU, discs, request)
             if way is not None and way not in ways and (way < 0.0 or not discs):
                 ways.append(way)
         return ways
 
-    def _begins_freely(self, track: Track, obstacles: tuple[ObstacleEstimate, ...]) -> bool:
-        """Return whether no turn on the spot at the start brings the unit too near to an obstacle."""
-        turns = [leg.end for leg in track.legs[:2] if leg.kind is LegKind.TURN]
+    def _begins_freely(self, track: Track, request: RouteRequest) -> bool:
+        """Return whether no turn on the spot at the start brings the unit too near to what stands there."""
+        turns = [leg for leg in track.legs[:2] if leg.kind is LegKind.TURN]
         if not turns:
             return True
-        poses = track.poses[track.s <= turns[0]]
-        return not any(self._comes_near(poses, obstacle) for obstacle in obstacles)
+        if request.held:
+            return self._way_to_turn(SE2(*turns[0].start), self._discs(request), request) == 0.0
+        poses = track.poses[track.s <= turns[0].end]
+        return not any(self._comes_near(poses, obstacle) for obstacle in request.obstacles)
+
+    def _way_to_turn(self, X_WU: SE2, units: tuple[Disc, ...], request: RouteRequest) -> float | None:
+        """Return the shortest way straight to where a unit can turn among units and all obstacles [m]."""
+        arena = ArenaMap(X_WU, X_WU, units, request.obstacles)
+        return self._planner.margins.way_to_turn(arena, self.body.radius)
 
     def behind(self, X_WU: SE2, distance: float, obstacles: tuple[ObstacleEstimate, ...]) -> str | None:
         """Return what keeps a unit from driving straight back, out of a port; None if nothing does.

@@ -91,6 +91,29 @@ def test_a_unit_beside_an_obstacle_drives_straight_before_it_turns(
     assert gaps.min() > 0.039
 
 
+def test_a_unit_that_was_held_turns_only_where_it_has_room(setup: CoordinationSetup) -> None:
+    """Whatever stands beside it is nearer than it seems: a turn on the spot that seemed to pass does not."""
+    finder, body, rng = setup.finder, setup.lanes.body, np.random.default_rng(0)
+    turned = 0
+    for _ in range(60):
+        radius, bearing = float(rng.uniform(0.03, 0.15)), rng.uniform(-math.pi, math.pi)
+        start, goal = SE2(0.0, 0.0, rng.uniform(-math.pi, math.pi)), SE2(1.2, rng.uniform(-1.0, 1.0), 0.0)
+        apart = body.radius + radius + rng.uniform(0.0, 0.05)
+        x, y = apart * math.cos(bearing), apart * math.sin(bearing)
+        post = ObstacleEstimate("post", 0, SE2(x, y), np.eye(3) * 1e-6, radius)
+        before, track = (
+            finder.find(RouteRequest(start, goal, (), (post,), held=held)) for held in (False, True)
+        )
+        assert track is not None
+        first = next(k for k, leg in enumerate(track.legs) if leg.kind is LegKind.TURN)
+        place, begin = track.legs[first].start, track.legs[first - 1].end if first else 0.0
+        assert math.hypot(place[0] - x, place[1] - y) > body.radius + radius + 0.05
+        gaps = body.gaps_to_disc(track.poses[track.s <= begin], x, y, radius)
+        assert gaps.min() > gaps[0] - 0.002
+        turned += before is not None and before.legs[0].kind is LegKind.TURN
+    assert turned > 20, "so many would turn at once if they were not held"
+
+
 def test_a_unit_backs_out_only_where_there_is_room(setup: CoordinationSetup) -> None:
     """It backed out of the arena, and into obstacles: only other units were looked at."""
     finder, body = setup.finder, setup.lanes.body
