@@ -14,9 +14,9 @@ from msrr_control.planning.free_space import Bounds, Disc
 from msrr_control.planning.lane import in_lane
 from msrr_control.planning.route import ARENA_BORDER, ArenaMap
 from msrr_control.planning.route_planner import RoutePlanner
-from msrr_control.shapes.bodies import Body
+from msrr_control.shapes.bodies import BESIDE_GAP_M, LOSS_M, Body
 from msrr_control.shapes.hop_rules import LEAST_WAY_OUT_M
-from msrr_control.shapes.precedence import compose
+from msrr_control.shapes.precedence import Lanes, compose
 from msrr_control.tracks.route_params import RouteParams
 from msrr_control.tracks.route_request import RouteRequest, Standing
 from msrr_control.tracks.track import GAP_M, SPACING_M, Track, TrackBuilder, first_contact
@@ -34,16 +34,9 @@ BACK_OUT_M = (LEAST_WAY_OUT_M, 0.45, 0.60)
 #: Ways straight ahead that are tried, in the open, before a route is planned from there [m].
 _AHEAD_M = (0.1, 0.2)
 
-#: Gap to a body beside the start up to which a route may only lead away [m]: what the collision monitor keeps
-#: (30 mm), what the body may be nearer than it seems (11 mm), and some millimetres off the path.
-_BESIDE_GAP_M = 0.045
-
 #: Gap to an obstacle beside the lane of a port below which a unit is recalled [m]: smaller than that of a new
 #: route by the uncertainty of an obstacle's place, so that one beside it may be seen a little elsewhere.
 _CLOSED_GAP_M = 0.02
-
-#: Loss of such a gap that counts as none [m].
-_LOSS_M = 0.001
 
 
 class RouteFinder:
@@ -65,7 +58,7 @@ class RouteFinder:
             border: What ``box`` is, in words.
         """
         self.body, self.box, self._border = body, box, border
-        self.spec = params.route
+        self.spec, self._lanes = params.route, Lanes(body, params.route)
         self._planner = RoutePlanner(
             params.route, params.walls, params.pace, box, body.offset, body.half_width, border
         )
@@ -123,7 +116,7 @@ class RouteFinder:
         if request.held:
             return self._way_to_turn(SE2(*turns[0].start), self._discs(request), request) == 0.0
         poses = track.poses[track.s <= turns[0].end]
-        return not any(self._comes_near(poses, obstacle) for obstacle in request.obstacles)
+        return not any(self.body.comes_near(poses, obstacle) for obstacle in request.obstacles)
 
     def _way_to_turn(self, X_WU: SE2, units: tuple[Disc, ...], request: RouteRequest) -> float | None:
         """Return the shortest way straight to where a unit can turn among units and all obstacles [m]."""
@@ -142,9 +135,9 @@ class RouteFinder:
         x0, x1, y0, y1 = self.box
         x, y = poses[:, 0], poses[:, 1]
         outside = np.max([x0 - x, x - x1, y0 - y, y - y1], axis=0)
-        if outside.max() > max(float(outside[0]), 0.0) + _LOSS_M:
+        if outside.max() > max(float(outside[0]), 0.0) + LOSS_M:
             return f"{self._border} is behind it"
-        near = (o.name for o in obstacles if self._comes_near(poses, o))
+        near = (o.name for o in obstacles if self.body.comes_near(poses, o))
         return next((f"{name} stands behind it" for name in near), None)
 
     def obstruction(self, request: RouteRequest) -> str | None:
@@ -175,12 +168,7 @@ class RouteFinder:
         """Return the obstacle in the lane of the port at which a track is to end, None if there is none."""
         if not request.dock or request.X_WE is None:
             return None
-        return self.in_lane(request.X_WE, request.obstacles)
-
-    def in_lane(self, X_WE: SE2, obstacles: tuple[ObstacleEstimate, ...]) -> str | None:
-        """Return the obstacle in the lane of the docked pose ``X_WE``, None if there is none."""
-        X_WD = X_WE @ SE2(self.body.offset, 0.0, 0.0)
-        return in_lane(X_WD, self.spec.handover_m, self.body.half_width, obstacles)
+        return self._lanes.obstacle_in(request.X_WE, request.obstacles)
 
     def ahead_in_lane(
         self, track: Track, progress: float, obstacles: tuple[ObstacleEstimate, ...]
@@ -195,12 +183,6 @@ class RouteFinder:
         X_WD = track.end @ SE2(self.body.offset, 0.0, 0.0)
         left = track.length - max(progress, track.dock_start)
         return in_lane(X_WD, left, self.body.half_width, obstacles, _CLOSED_GAP_M)
-
-    def _comes_near(self, poses: Array, obstacle: ObstacleEstimate) -> bool:
-        """Return whether a unit comes nearer to an obstacle than it is, and than it may."""
-        gaps = self.body.gaps_to_disc(poses, obstacle.X_WB.x, obstacle.X_WB.y, obstacle.radius)
-        kept = min(float(gaps[0]), _BESIDE_GAP_M + self.body.extra_gap) - _LOSS_M
-        return bool(gaps.min() < kept)
 
     def _contact(self, track: Track, request: RouteRequest) -> tuple[float, str] | None:
         """Return where a track comes too near to what stands there, as :meth:`contact` does.
@@ -241,7 +223,7 @@ class RouteFinder:
     def _first_loss(self, track: Track, other: Standing) -> float | None:
         """Return where a track in the open comes nearer to a body that is near [m]; None if it never does."""
         gaps = self.body.gaps(track.poses, other.X_WB.as_array())
-        kept = np.minimum(np.maximum.accumulate(gaps), _BESIDE_GAP_M + self.body.extra_gap) - _LOSS_M
+        kept = np.minimum(np.maximum.accumulate(gaps), BESIDE_GAP_M + self.body.extra_gap) - LOSS_M
         lost = (gaps < kept) & ~track.at_port
         return float(track.s[lost.argmax()]) if lost.any() else None
 
