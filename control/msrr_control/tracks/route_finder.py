@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from itertools import takewhile
+from itertools import product, takewhile
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from msrr_control.shapes.precedence import Lanes, compose
 from msrr_control.tracks.route_params import RouteParams
 from msrr_control.tracks.route_request import RouteRequest, Standing
 from msrr_control.tracks.track import GAP_M, SPACING_M, Track, TrackBuilder, first_contact
-from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import LegKind
@@ -30,6 +29,9 @@ STANDS_THERE_M = 0.02
 
 #: Ways out of a port that are tried before a route is planned from there [m].
 BACK_OUT_M = (LEAST_WAY_OUT_M, 0.45, 0.60)
+
+#: Directions that are tried for a way back to the border, counted from that away from it [rad].
+_INWARDS = (0.0, 0.25 * math.pi, -0.25 * math.pi)
 
 #: Ways straight ahead that are tried, in the open, before a route is planned from there [m].
 _AHEAD_M = (0.1, 0.2)
@@ -131,7 +133,8 @@ class RouteFinder:
             distance: Way back [m].
             obstacles: Obstacles.
         """
-        poses = _backwards(X_WU, distance)
+        back = np.linspace(0.0, distance, 2 + math.ceil(distance / SPACING_M))
+        poses = compose(X_WU, np.stack([-back, np.zeros_like(back), np.zeros_like(back)], axis=-1))
         x0, x1, y0, y1 = self.box
         x, y = poses[:, 0], poses[:, 1]
         outside = np.max([x0 - x, x - x1, y0 - y, y - y1], axis=0)
@@ -238,6 +241,28 @@ class RouteFinder:
 
     def _plan(self, builder: TrackBuilder, X_WE: SE2, request: RouteRequest) -> bool:
         """Append the route from where the builder stands; return whether there is one."""
+        found = self._forwards(builder, X_WE, request)
+        return found or (not request.dock and self._back_in(builder, X_WE, request))
+
+    def _back_in(self, builder: TrackBuilder, X_WE: SE2, request: RouteRequest) -> bool:
+        """Append a route to the border whose last part leads straight back; return whether there is one.
+
+        In a corner the border leaves no room for the controlled point of a unit that comes forwards.
+        """
+        inwards = self._planner.margins.inwards(X_WE)
+        if inwards is None:
+            return False
+        for distance, yaw in product(BACK_OUT_M, _INWARDS):
+            X_WA = SE2(X_WE.x, X_WE.y, inwards + yaw) @ SE2(distance, 0.0, 0.0)
+            behind = self.behind(X_WA, distance, request.obstacles)
+            if behind is None and self._forwards(builder, X_WA, request):
+                builder.reverse(distance)
+                builder.turn_to(X_WE.yaw)
+                return True
+        return False
+
+    def _forwards(self, builder: TrackBuilder, X_WE: SE2, request: RouteRequest) -> bool:
+        """Append the route forwards from where the builder stands; return whether there is one."""
         arena = self._arena(builder, X_WE, request)
         route = self._planner.plan(arena)
         if route is not None and route.sides:
@@ -268,12 +293,6 @@ class RouteFinder:
     def _discs(self, request: RouteRequest) -> tuple[Disc, ...]:
         """Return the circles about the units that stand there."""
         return tuple(Disc(s.name, s.X_WB.x, s.X_WB.y, self.body.radius) for s in request.standing)
-
-
-def _backwards(X_WU: SE2, distance: float) -> Array:
-    """Return the poses on a way straight back, shape (N, 3)."""
-    back = np.linspace(0.0, distance, 2 + math.ceil(distance / SPACING_M))
-    return compose(X_WU, np.stack([-back, np.zeros_like(back), np.zeros_like(back)], axis=-1))
 
 
 def _at_port(track: Track) -> Track:

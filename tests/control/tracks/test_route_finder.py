@@ -196,6 +196,29 @@ def test_beside_the_border_a_unit_turns_where_it_is_to_stand(setup: Coordination
     assert finder.contact(track, standing) is None
 
 
+def test_into_a_corner_and_out_of_it_there_is_a_route(setup: CoordinationSetup) -> None:
+    """On any heading, as near to both sides as a move may end; and none where a post stands on the end."""
+    finder, rng = setup.finder, np.random.default_rng(0)
+    _, x1, _, y1 = finder.box
+    backs = 0
+    for _ in range(100):
+        room = finder.spec.border_m + rng.uniform(0.0, finder.body.offset, 2)
+        x, y = rng.choice([-1.0, 1.0], 2) * ([x1, y1] - room)
+        corner = SE2(x, y, rng.uniform(-math.pi, math.pi))
+        inside = SE2(rng.uniform(-1.5, 1.5), rng.uniform(-1.0, 1.0), rng.uniform(-math.pi, math.pi))
+        for start, goal in ((inside, corner), (corner, inside)):
+            track = finder.find(RouteRequest(start, goal))
+            assert track is not None, (start, goal)
+            off = goal.inverse() @ track.end
+            assert math.hypot(off.x, off.y) < 0.01
+            assert abs(off.yaw) < 2e-3
+            assert (np.abs(track.poses[:, :2]) < np.array([x1, y1]) - finder.spec.border_m + 0.01).all()
+            backs += track.legs[-1 if len(track.legs) < 2 else -2].kind is LegKind.REVERSE
+        post = ObstacleEstimate("post", 0, corner @ SE2(0.05, 0.0, 0.0), np.eye(3) * 1e-6, 0.05)
+        assert finder.find(RouteRequest(inside, corner, (), (post,))) is None
+    assert backs > 80
+
+
 def test_an_obstacle_in_a_lane_counts_until_the_unit_has_passed_it(setup: CoordinationSetup) -> None:
     builder = TrackBuilder(SE2(-1.2, 0.0, 0.0), setup.lanes.body.offset)
     builder.ahead(0.5)
