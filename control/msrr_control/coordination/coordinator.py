@@ -19,6 +19,7 @@ from msrr_control.coordination.siting import Siting, check_shapes
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.coordination.unit_states import UnitStates
 from msrr_control.coordination.watch import Watch
+from msrr_control.shapes.reconfiguration import assembly_ports
 from msrr_control.shapes.tasks import TaskState
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages import NS_PER_S, GlobalPose, ObstacleEstimate, seconds
@@ -53,7 +54,10 @@ class Coordinator:
         for name, port in mission.holders.items():
             holder, _, passive = port.partition(".")
             self._units[name].holder = (holder, passive)
-        for name in [*mission.holders, *(port.partition(".")[0] for port in mission.holders.values())]:
+        # The root of an assembly that becomes a shape stays where it is. In a plan it stands free like others
+        # to which somebody is docked: when all have left it, it makes way.
+        docked = assembly_ports(mission.holders) if mission.shape and mission.holders else mission.holders
+        for name in docked:
             self._units[name].state = UnitState.DOCKED
         self._state = MissionState.RUNNING
         self._begun, self._start_ns = False, 0
@@ -189,6 +193,7 @@ class Coordinator:
             if unit.task is not None:
                 self._tasks.reopen(unit.task)
             unit.stand(now_ns, why)
+            unit.held = held and not vain
             if unit.holder is None:
                 unit.stand_down()
             elif held:

@@ -152,6 +152,7 @@ class Dispatcher:
             dock=enters is not None,
             leaves=None if unit.holder is None else unit.holder[0],
             enters=None if enters is None else enters[0],
+            held=unit.held,
         )
 
     # Making way.
@@ -193,8 +194,12 @@ class Dispatcher:
                 rest.sort(key=lambda u: u is not alone)
                 if any(self._evade(unit, tasks, now_ns) for unit in rest):
                     return True
-            own = [unit for unit in idle if unit.name == assigned]
-            if any(self._evade(unit, tasks, now_ns, task) for unit in own):
+            own = self._units[assigned]
+            # One that a plan sends off leaves its port for that: what is in its way may be the unit that
+            # carries it, which cannot drive before.
+            leaves = own.state is UnitState.DOCKED and task.unit is not None and not task.stays
+            may_go = own in idle or (leaves and own.evasions < _EVASIONS and not self.waits_for_tracks)
+            if may_go and self._evade(own, tasks, now_ns, task):
                 return True
         return False
 
@@ -239,13 +244,16 @@ class Dispatcher:
             task: The task.
             tasks: All tasks.
             gone: The other one; None for all others that can drive away.
-            X_WU: Where the unit sets out; None for where it stands.
+            X_WU: Where the unit sets out in the open; None for where it stands.
         """
         X_WE, enters = self.ends.pose_of(task, tasks), self.ends.port_of(task)
         if X_WE is None or unit.X_WU is None:
             return True  # nobody knows
         request = self._request(unit, X_WE, enters)
-        holders = {port[0] for other in self._units.values() for port in other.docks}
+        if X_WU is not None:
+            request = replace(request, X_WU=X_WU, leaves=None)
+        docked = [other for other in self._units.values() if X_WU is None or other is not unit]
+        holders = {port[0] for other in docked for port in other.docks}
         away = {
             other.name
             for other in (self._units.values() if gone is None else (gone,))
@@ -253,8 +261,7 @@ class Dispatcher:
         }
         away -= {request.leaves, request.enters}
         kept = [s for s in request.standing if s.name not in away]
-        request = replace(request, X_WU=X_WU or request.X_WU, standing=kept)
-        return self._setup.finder.find(request) is not None
+        return self._setup.finder.find(replace(request, standing=kept)) is not None
 
     def _evade(self, unit: UnitRecord, tasks: TaskList, now_ns: int, task: Task | None = None) -> bool:
         """Send a unit to a waiting place; return whether it goes.

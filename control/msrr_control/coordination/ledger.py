@@ -52,6 +52,7 @@ class UnitRecord:
         expiries: Time at which each authority ends that the unit may have as its newest, by number.
         expired: Whether the newest authority that the unit had got had ended when it sent its report.
         retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
+        held: Whether its collision monitor has held it where it stands.
         evasions: How often it was sent out of the way.
         reason: Why it is in that state, in words.
     """
@@ -80,6 +81,7 @@ class UnitRecord:
     expiries: dict[int, int] = field(default_factory=dict)
     expired: bool = False
     retreat_m: float = 0.5
+    held: bool = False
     evasions: int = 0
     reason: str = ""
 
@@ -181,7 +183,7 @@ class UnitRecord:
         """Begin a route, on which the unit may not drive yet."""
         self.state, self.route, self.order, self.track = UnitState.UNDER_WAY, self.route + 1, order, track
         self.limit, self.progress, self.patient_ns, self.granted_ns = -1.0, 0.0, now_ns, now_ns
-        self.enters, self.unlocks, self.reason = enters, self.holder is not None, ""
+        self.enters, self.unlocks, self.held, self.reason = enters, self.holder is not None, False, ""
 
     def stand(self, now_ns: int, reason: str, state: UnitState | None = None) -> None:
         """End the route of a unit that stands still, idle or docked unless another state is given."""

@@ -76,7 +76,10 @@ class Siting:
             root = next(iter(assembly_ports(mission.holders)))
             if root not in there:
                 raise SceneError(f"the root {root!r} of the assembly is not seen")
-            return reconfiguration_tasks(mission.holders, shape, lanes, there[root], box, mission.named), {}
+            tasks = reconfiguration_tasks(
+                mission.holders, shape, lanes, there[root], box, mission.named, obstacles
+            )
+            return tasks, {}
         keep_out = [
             (unit.pose.x, unit.pose.y, lanes.body.radius)
             for unit in units

@@ -24,7 +24,7 @@ class TaskEnds:
 
     def __init__(self, setup: CoordinationSetup, units: Mapping[str, UnitRecord]) -> None:
         """Bind to the lanes and to the ledger."""
-        self._lanes, self._finder, self._units = setup.lanes, setup.finder, units
+        self._lanes, self._units = setup.lanes, units
         self.obstacles: tuple[ObstacleEstimate, ...] = ()
 
     def pose_of(self, task: Task, tasks: TaskList) -> SE2 | None:
@@ -67,7 +67,7 @@ class TaskEnds:
 
     def stays_closed(self, X_WE: SE2) -> bool:
         """Return whether an obstacle, or a unit out of action, stands in the lane of a docked pose."""
-        if self._finder.in_lane(X_WE, self.obstacles) is not None:
+        if self._lanes.obstacle_in(X_WE, self.obstacles) is not None:
             return True
         out = [u.pose for u in self._units.values() if u.out_of_action and u.X_WU is not None]
         return any(self._lanes.closed_by(X_WE, X_WB) for X_WB in out)

@@ -53,6 +53,13 @@ class Margins:
         space = FreeSpace(self._box, tuple(map(self.obstacle_disc, obstacles))).opened_at(X_WU.x, X_WU.y)
         return space.allows(X_WU.act(np.stack([ahead, np.zeros_like(ahead)], axis=-1)))
 
+    def inwards(self, X_WU: SE2) -> float | None:
+        """Return the direction away from the border [rad]; None where the unit has room to face anywhere."""
+        x0, x1, y0, y1 = self._box
+        dx = min(max(X_WU.x, x0 + self._offset), x1 - self._offset) - X_WU.x
+        dy = min(max(X_WU.y, y0 + self._offset), y1 - self._offset) - X_WU.y
+        return math.atan2(dy, dx) if dx or dy else None
+
     def way_to_turn(self, arena: ArenaMap, radius: float) -> float | None:
         """Return the shortest way straight to where the unit may turn on the spot: back < 0, ahead > 0 [m].
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from msrr_control.planning.free_space import Bounds
 from msrr_control.shapes.forms import Hop, Ports
-from msrr_control.shapes.precedence import Lanes
+from msrr_control.shapes.precedence import Lanes, compose
 from msrr_control.shapes.shape import LEAST_GAP_M
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import ObstacleEstimate
 
 #: Shortest way straight back out of a port [m].
 LEAST_WAY_OUT_M = 0.30
@@ -21,26 +22,42 @@ _SLACK_M = 1e-3
 #: Poses on the way out of a port that has to be free, from the seat.
 _WAY_OUT = np.array([[-0.04 * k, 0.0, 0.0] for k in range(13)])
 
+#: Poses on the shortest of these ways.
+_SHORTEST_WAY_OUT = np.array([[-x, 0.0, 0.0] for x in np.linspace(0.0, LEAST_WAY_OUT_M, 10)])
+
 
 class HopRules:
     """Says which hops can be made; most of them can be made backwards, too.
 
     A unit leaves its place if it carries nobody, the way out is free and leads no farther out of the box, and
     it enters a place of which the holder is there, the lane is free and lies in the box.
+
+    Attributes:
+        obstacles: Obstacles that are known.
     """
 
-    def __init__(self, lanes: Lanes, X_WR: SE2, box: Bounds) -> None:
+    def __init__(
+        self,
+        lanes: Lanes,
+        X_WR: SE2,
+        box: Bounds,
+        obstacles: Sequence[ObstacleEstimate] = (),
+        roomy: bool = False,
+    ) -> None:
         """Bind the rules to the root's pose and to the space around it.
 
         Args:
             lanes: Lanes of the units.
             X_WR: Pose of the root.
             box: Where the axle may be and is seen: x low, x high, y low, y high [m].
+            obstacles: Obstacles that are known.
+            roomy: Whether they keep out of the whole lanes, and not only of where a unit drives straight.
         """
-        self._lanes, self._box = lanes, box
+        self._roomy = roomy
+        self._lanes, self._box, self.obstacles = lanes, box, obstacles
         self._poses: dict[Ports, SE2] = {(): X_WR}
-        self._inside: dict[Ports, bool] = {}
-        self._leads_out: dict[Ports, bool] = {}
+        self._unfit: dict[Ports, str | None] = {}
+        self._shut: dict[Ports, bool] = {}
         self._pairs: dict[tuple[Ports, Ports], tuple[bool, bool]] = {}
         self._relative: dict[tuple[float, float, float], tuple[bool, bool]] = {}
 
@@ -72,16 +89,19 @@ class HopRules:
         reachable = end not in taken and end[:-1] in others
         return leaf and reachable and self._may_leave(start, taken) and self._may_enter(end, others)
 
-    def fits(self, place: Ports) -> bool:
-        """Return whether a place and the lane to it lie in the box."""
-        if place not in self._inside:
+    def hindrance(self, place: Ports) -> str | None:
+        """Return what keeps everybody from a place, in words: border or obstacle; None if nothing does."""
+        if place not in self._unfit:
             X, room = self.pose(place), self._lanes.spec.border_m + self._lanes.body.offset
             x0, x1, y0, y1 = self._box
-            self._inside[place] = all(
+            fits = all(
                 x0 + room <= pose.x <= x1 - room and y0 + room <= pose.y <= y1 - room
                 for pose in (X, self._lanes.end(X))
             )
-        return self._inside[place]
+            obstacle = self._lanes.obstacle_in(X, self.obstacles, self._roomy)
+            stands = None if obstacle is None else f"{obstacle} stands in the lane to a place of the shape,"
+            self._unfit[place] = stands if fits else "the shape and the lanes to it do not fit into the arena"
+        return self._unfit[place]
 
     def closes(self, place: Ports, other: Ports) -> bool:
         """Return whether a unit in another place closes the way into a place."""
@@ -91,20 +111,22 @@ class HopRules:
         """Return whether a unit in another place blocks the way out of a place."""
         return other != place[:-1] and self._blocks(place, other)[0]
 
-    def _leaves_box(self, place: Ports) -> bool:
-        """Return whether the shortest way out of a place leads farther out of the box than the place is."""
-        if place not in self._leads_out:
+    def _is_shut(self, place: Ports) -> bool:
+        """Return whether the shortest way out of a place leads farther out of the box, or at an obstacle."""
+        if place not in self._shut:
             (x0, x1, y0, y1), X = self._box, self.pose(place)
             ends = X, X @ SE2(-LEAST_WAY_OUT_M, 0.0, 0.0)
             here, there = (max(x0 - end.x, end.x - x1, y0 - end.y, end.y - y1) for end in ends)
-            self._leads_out[place] = there > max(here, 0.0) + _SLACK_M
-        return self._leads_out[place]
+            out = compose(X, _SHORTEST_WAY_OUT)
+            held = any(self._lanes.body.comes_near(out, obstacle) for obstacle in self.obstacles)
+            self._shut[place] = held or there > max(here, 0.0) + _SLACK_M
+        return self._shut[place]
 
     def _may_leave(self, leaf: Ports, taken: Mapping[Ports, str]) -> bool:
-        return not self._leaves_box(leaf) and not any(self.holds_in(leaf, p) for p in taken if p != leaf)
+        return not self._is_shut(leaf) and not any(self.holds_in(leaf, p) for p in taken if p != leaf)
 
     def _may_enter(self, place: Ports, others: set[Ports]) -> bool:
-        return self.fits(place) and not any(self.closes(place, p) for p in others)
+        return self.hindrance(place) is None and not any(self.closes(place, p) for p in others)
 
     def _blocks(self, place: Ports, other: Ports) -> tuple[bool, bool]:
         """Return whether a unit in another place blocks the way out of a place, and the way in."""

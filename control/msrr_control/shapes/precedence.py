@@ -8,11 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from msrr_control.planning.lane import LANE_GAP_M, in_lane
 from msrr_control.planning.route import RouteSpec
 from msrr_control.shapes.bodies import Body
 from msrr_control.shapes.shape import LEAST_GAP_M
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import ObstacleEstimate
 
 #: Distance between the poses of a lane that are compared with other bodies [m].
 _SPACING_M = 0.04
@@ -38,6 +40,21 @@ class Lanes:
     def end(self, X_WU: SE2) -> SE2:
         """Return the pose of the axle at which the lane of the docked pose ``X_WU`` begins."""
         return X_WU @ SE2(-self.length, 0.0, 0.0)
+
+    def obstacle_in(
+        self, X_WU: SE2, obstacles: Iterable[ObstacleEstimate], roomy: bool = False
+    ) -> str | None:
+        """Return the obstacle in the dock leg of the docked pose ``X_WU``; None if there is none.
+
+        Args:
+            X_WU: Pose of the axle when the unit is docked.
+            obstacles: Obstacles.
+            roomy: Whether those count as well that are in the rest of the lane, or as near to it as routes
+                come to other units.
+        """
+        X_WD = X_WU @ SE2(self.body.offset, 0.0, 0.0)
+        length, gap = (self.length, self.spec.unit_margin_m) if roomy else (self.spec.handover_m, LANE_GAP_M)
+        return in_lane(X_WD, length, self.body.half_width, obstacles, gap)
 
     def closed_by(self, X_WU: SE2, X_WB: SE2) -> bool:
         """Return whether a body at ``X_WB`` closes the lane of the docked pose ``X_WU``."""

@@ -16,6 +16,7 @@ from msrr_control.shapes.shape import Shape
 from msrr_control.shapes.tasks import Task, TaskKind
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import ObstacleEstimate
 
 #: Largest number of forms that a search looks at.
 _MOST_FORMS = 10_000
@@ -73,13 +74,13 @@ def check_names(units: Sequence[str], named: Sequence[str]) -> None:
         )
 
 
-def hops_between(start: Mapping[Ports, str], goal: Mapping[Ports, str], rules: HopRules) -> list[Hop]:
+def hops_between(start: Mapping[Ports, str], goal: Mapping[Ports, str], *rules: HopRules) -> list[Hop]:
     """Return the hops from one form to another: the fewest, or, where that search would take long, few.
 
     Args:
         start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
         goal: The same at the end.
-        rules: Which hops can be made.
+        rules: Which hops can be made; where those by the first rules lead nowhere, those by the next ones.
 
     Returns:
         The hops, in an order in which they can be made one after another.
@@ -87,23 +88,34 @@ def hops_between(start: Mapping[Ports, str], goal: Mapping[Ports, str], rules: H
     Raises:
         SceneError: No way was found.
     """
+    why = ""
+    for each in rules:
+        found = _hops_or_reason(start, goal, each)
+        if not isinstance(found, str):
+            return found
+        why = found
+    raise SceneError(why)
+
+
+def _hops_or_reason(
+    start: Mapping[Ports, str], goal: Mapping[Ports, str], rules: HopRules
+) -> list[Hop] | str:
+    """Return the hops from one form to another, or why there are none."""
     first, wanted = frozenset(start.items()), frozenset(goal.items())
-    if not all(rules.fits(place) for place, _ in wanted - first):
-        raise SceneError(
-            "the shape and the lanes to it do not fit into the arena from where the root of the assembly "
-            "stands"
-        )
+    for place, _ in sorted(wanted - first):
+        hindrance = rules.hindrance(place)
+        if hindrance is not None:
+            return f"{hindrance} from where the root of the assembly stands"
+    past = f" past {', '.join(obstacle.name for obstacle in rules.obstacles)}" if rules.obstacles else ""
     hops, forms = _fewest_hops(first, wanted, rules)
     if hops is None and forms <= _MOST_FORMS:
-        raise SceneError(
-            "no order of leaving and docking again leads from one shape to the other; name others"
-        )
+        return f"no order of leaving and docking again leads from one shape to the other{past}; name others"
     if hops is None:
         hops = place_by_place(start, goal, rules)
     if hops is None:
-        raise SceneError(
-            "no order of leaving and docking again was found from one shape to the other, neither among the "
-            f"{_MOST_FORMS} forms that a search looks at nor place by place; name others"
+        return (
+            f"no order of leaving and docking again was found from one shape to the other{past}, neither "
+            f"among the {_MOST_FORMS} forms that a search looks at nor place by place; name others"
         )
     return hops
 
@@ -145,6 +157,7 @@ def reconfiguration_tasks(
     X_WR: SE2,
     box: Bounds,
     named: bool = False,
+    obstacles: Sequence[ObstacleEstimate] = (),
 ) -> list[Task]:
     """Return the tasks that turn an assembly into a shape; its root stays where it is.
 
@@ -155,6 +168,7 @@ def reconfiguration_tasks(
         X_WR: Pose of the assembly's root.
         box: Where the axle may be and is seen: x low, x high, y low, y high [m].
         named: Whether the places of the shape are named by the units that have to take them.
+        obstacles: Obstacles that are known.
 
     Raises:
         SceneError: Assembly and shape have different numbers of units, or there is no way.
@@ -164,7 +178,11 @@ def reconfiguration_tasks(
         raise SceneError(f"the assembly has {len(ports)} units, the shape {len(shape.places)}")
     start = {place: unit if named else "" for unit, place in ports.items()}
     goal = {place: name if named else "" for name, place in shape_ports(shape).items()}
-    hops = hops_between(start, goal, HopRules(lanes, X_WR, box))
+    # Obstacles farther before a port than a unit has to drive straight may leave it a way there, or none.
+    rules = [
+        HopRules(lanes, X_WR, box, obstacles, roomy) for roomy in ((True, False) if obstacles else (False,))
+    ]
+    hops = hops_between(start, goal, *rules)
     unit_at = {place: unit for unit, place in ports.items()}
     task_of: dict[str, str] = {}  # the task that brings a unit to where it is by then
     visits: dict[str, int] = {}

@@ -55,7 +55,7 @@ class MovementAuthority:
     def end_yaw(self) -> float:
         """Heading in which a route in the open ends, by its last leg [rad]; there has to be a route."""
         last = self.legs[-1]
-        if last.kind is LegKind.TURN:
+        if last.kind in (LegKind.TURN, LegKind.REVERSE):
             return last.start[2] + last.turn
         return float(path_of(last).at(math.inf).heading)
 

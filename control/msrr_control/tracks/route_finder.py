@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import partial
-from itertools import takewhile
+from itertools import product, takewhile
 
 import numpy as np
 
@@ -14,13 +14,12 @@ from msrr_control.planning.free_space import Bounds, Disc
 from msrr_control.planning.lane import in_lane
 from msrr_control.planning.route import ARENA_BORDER, ArenaMap
 from msrr_control.planning.route_planner import RoutePlanner
-from msrr_control.shapes.bodies import Body
+from msrr_control.shapes.bodies import BESIDE_GAP_M, LOSS_M, Body
 from msrr_control.shapes.hop_rules import LEAST_WAY_OUT_M
-from msrr_control.shapes.precedence import compose
+from msrr_control.shapes.precedence import Lanes, compose
 from msrr_control.tracks.route_params import RouteParams
 from msrr_control.tracks.route_request import RouteRequest, Standing
 from msrr_control.tracks.track import GAP_M, SPACING_M, Track, TrackBuilder, first_contact
-from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import LegKind
@@ -31,19 +30,15 @@ STANDS_THERE_M = 0.02
 #: Ways out of a port that are tried before a route is planned from there [m].
 BACK_OUT_M = (LEAST_WAY_OUT_M, 0.45, 0.60)
 
+#: Directions that are tried for a way back to the border, counted from that away from it [rad].
+_INWARDS = (0.0, 0.25 * math.pi, -0.25 * math.pi)
+
 #: Ways straight ahead that are tried, in the open, before a route is planned from there [m].
 _AHEAD_M = (0.1, 0.2)
-
-#: Gap to a body beside the start up to which a route may only lead away [m]: what the collision monitor keeps
-#: (30 mm), what the body may be nearer than it seems (11 mm), and some millimetres off the path.
-_BESIDE_GAP_M = 0.045
 
 #: Gap to an obstacle beside the lane of a port below which a unit is recalled [m]: smaller than that of a new
 #: route by the uncertainty of an obstacle's place, so that one beside it may be seen a little elsewhere.
 _CLOSED_GAP_M = 0.02
-
-#: Loss of such a gap that counts as none [m].
-_LOSS_M = 0.001
 
 
 class RouteFinder:
@@ -65,7 +60,7 @@ class RouteFinder:
             border: What ``box`` is, in words.
         """
         self.body, self.box, self._border = body, box, border
-        self.spec = params.route
+        self.spec, self._lanes = params.route, Lanes(body, params.route)
         self._planner = RoutePlanner(
             params.route, params.walls, params.pace, box, body.offset, body.half_width, border
         )
@@ -77,7 +72,7 @@ class RouteFinder:
         X_WU, X_WE, obstacles, leaves = request.X_WU, request.X_WE, request.obstacles, request.leaves
         if X_WE is not None and not request.dock and leaves is None:
             turned = self._turn_in_place(X_WU, X_WE, request.standing)
-            if turned is not None and self._begins_freely(turned, obstacles):
+            if turned is not None and self._begins_freely(turned, request):
                 return turned
         tight: Track | None = None  # the collision monitor holds a unit that turns beside an obstacle
         for distance in BACK_OUT_M if leaves is not None else self._straight_first(request):
@@ -94,7 +89,7 @@ class RouteFinder:
                 continue
             track = builder.track()
             if self._contact(track, request) is None:
-                if leaves is not None or self._begins_freely(track, obstacles):
+                if leaves is not None or self._begins_freely(track, request):
                     return track
                 tight = tight or track
         return tight
@@ -110,18 +105,25 @@ class RouteFinder:
             may_drive = partial(self._planner.margins.may_drive_ahead, X_WU, obstacles)
             ways += takewhile(may_drive, _AHEAD_M)
         for discs in ((), self._discs(request)):
-            way = self._planner.margins.way_to_turn(ArenaMap(X_WU, X_WU, discs, obstacles), self.body.radius)
+            way = self._way_to_turn(X_WU, discs, request)
             if way is not None and way not in ways and (way < 0.0 or not discs):
                 ways.append(way)
         return ways
 
-    def _begins_freely(self, track: Track, obstacles: tuple[ObstacleEstimate, ...]) -> bool:
-        """Return whether no turn on the spot at the start brings the unit too near to an obstacle."""
-        turns = [leg.end for leg in track.legs[:2] if leg.kind is LegKind.TURN]
+    def _begins_freely(self, track: Track, request: RouteRequest) -> bool:
+        """Return whether no turn on the spot at the start brings the unit too near to what stands there."""
+        turns = [leg for leg in track.legs[:2] if leg.kind is LegKind.TURN]
         if not turns:
             return True
-        poses = track.poses[track.s <= turns[0]]
-        return not any(self._comes_near(poses, obstacle) for obstacle in obstacles)
+        if request.held:
+            return self._way_to_turn(SE2(*turns[0].start), self._discs(request), request) == 0.0
+        poses = track.poses[track.s <= turns[0].end]
+        return not any(self.body.comes_near(poses, obstacle) for obstacle in request.obstacles)
+
+    def _way_to_turn(self, X_WU: SE2, units: tuple[Disc, ...], request: RouteRequest) -> float | None:
+        """Return the shortest way straight to where a unit can turn among units and all obstacles [m]."""
+        arena = ArenaMap(X_WU, X_WU, units, request.obstacles)
+        return self._planner.margins.way_to_turn(arena, self.body.radius)
 
     def behind(self, X_WU: SE2, distance: float, obstacles: tuple[ObstacleEstimate, ...]) -> str | None:
         """Return what keeps a unit from driving straight back, out of a port; None if nothing does.
@@ -131,13 +133,14 @@ class RouteFinder:
             distance: Way back [m].
             obstacles: Obstacles.
         """
-        poses = _backwards(X_WU, distance)
+        back = np.linspace(0.0, distance, 2 + math.ceil(distance / SPACING_M))
+        poses = compose(X_WU, np.stack([-back, np.zeros_like(back), np.zeros_like(back)], axis=-1))
         x0, x1, y0, y1 = self.box
         x, y = poses[:, 0], poses[:, 1]
         outside = np.max([x0 - x, x - x1, y0 - y, y - y1], axis=0)
-        if outside.max() > max(float(outside[0]), 0.0) + _LOSS_M:
+        if outside.max() > max(float(outside[0]), 0.0) + LOSS_M:
             return f"{self._border} is behind it"
-        near = (o.name for o in obstacles if self._comes_near(poses, o))
+        near = (o.name for o in obstacles if self.body.comes_near(poses, o))
         return next((f"{name} stands behind it" for name in near), None)
 
     def obstruction(self, request: RouteRequest) -> str | None:
@@ -168,12 +171,7 @@ class RouteFinder:
         """Return the obstacle in the lane of the port at which a track is to end, None if there is none."""
         if not request.dock or request.X_WE is None:
             return None
-        return self.in_lane(request.X_WE, request.obstacles)
-
-    def in_lane(self, X_WE: SE2, obstacles: tuple[ObstacleEstimate, ...]) -> str | None:
-        """Return the obstacle in the lane of the docked pose ``X_WE``, None if there is none."""
-        X_WD = X_WE @ SE2(self.body.offset, 0.0, 0.0)
-        return in_lane(X_WD, self.spec.handover_m, self.body.half_width, obstacles)
+        return self._lanes.obstacle_in(request.X_WE, request.obstacles)
 
     def ahead_in_lane(
         self, track: Track, progress: float, obstacles: tuple[ObstacleEstimate, ...]
@@ -188,12 +186,6 @@ class RouteFinder:
         X_WD = track.end @ SE2(self.body.offset, 0.0, 0.0)
         left = track.length - max(progress, track.dock_start)
         return in_lane(X_WD, left, self.body.half_width, obstacles, _CLOSED_GAP_M)
-
-    def _comes_near(self, poses: Array, obstacle: ObstacleEstimate) -> bool:
-        """Return whether a unit comes nearer to an obstacle than it is, and than it may."""
-        gaps = self.body.gaps_to_disc(poses, obstacle.X_WB.x, obstacle.X_WB.y, obstacle.radius)
-        kept = min(float(gaps[0]), _BESIDE_GAP_M + self.body.extra_gap) - _LOSS_M
-        return bool(gaps.min() < kept)
 
     def _contact(self, track: Track, request: RouteRequest) -> tuple[float, str] | None:
         """Return where a track comes too near to what stands there, as :meth:`contact` does.
@@ -234,7 +226,7 @@ class RouteFinder:
     def _first_loss(self, track: Track, other: Standing) -> float | None:
         """Return where a track in the open comes nearer to a body that is near [m]; None if it never does."""
         gaps = self.body.gaps(track.poses, other.X_WB.as_array())
-        kept = np.minimum(np.maximum.accumulate(gaps), _BESIDE_GAP_M + self.body.extra_gap) - _LOSS_M
+        kept = np.minimum(np.maximum.accumulate(gaps), BESIDE_GAP_M + self.body.extra_gap) - LOSS_M
         lost = (gaps < kept) & ~track.at_port
         return float(track.s[lost.argmax()]) if lost.any() else None
 
@@ -249,6 +241,28 @@ class RouteFinder:
 
     def _plan(self, builder: TrackBuilder, X_WE: SE2, request: RouteRequest) -> bool:
         """Append the route from where the builder stands; return whether there is one."""
+        found = self._forwards(builder, X_WE, request)
+        return found or (not request.dock and self._back_in(builder, X_WE, request))
+
+    def _back_in(self, builder: TrackBuilder, X_WE: SE2, request: RouteRequest) -> bool:
+        """Append a route to the border whose last part leads straight back; return whether there is one.
+
+        In a corner the border leaves no room for the controlled point of a unit that comes forwards.
+        """
+        inwards = self._planner.margins.inwards(X_WE)
+        if inwards is None:
+            return False
+        for distance, yaw in product(BACK_OUT_M, _INWARDS):
+            X_WA = SE2(X_WE.x, X_WE.y, inwards + yaw) @ SE2(distance, 0.0, 0.0)
+            behind = self.behind(X_WA, distance, request.obstacles)
+            if behind is None and self._forwards(builder, X_WA, request):
+                builder.reverse(distance)
+                builder.turn_to(X_WE.yaw)
+                return True
+        return False
+
+    def _forwards(self, builder: TrackBuilder, X_WE: SE2, request: RouteRequest) -> bool:
+        """Append the route forwards from where the builder stands; return whether there is one."""
         arena = self._arena(builder, X_WE, request)
         route = self._planner.plan(arena)
         if route is not None and route.sides:
@@ -279,12 +293,6 @@ class RouteFinder:
     def _discs(self, request: RouteRequest) -> tuple[Disc, ...]:
         """Return the circles about the units that stand there."""
         return tuple(Disc(s.name, s.X_WB.x, s.X_WB.y, self.body.radius) for s in request.standing)
-
-
-def _backwards(X_WU: SE2, distance: float) -> Array:
-    """Return the poses on a way straight back, shape (N, 3)."""
-    back = np.linspace(0.0, distance, 2 + math.ceil(distance / SPACING_M))
-    return compose(X_WU, np.stack([-back, np.zeros_like(back), np.zeros_like(back)], axis=-1))
 
 
 def _at_port(track: Track) -> Track:

@@ -39,6 +39,8 @@ class RouteRequest:
         dock: Whether the end is in a port.
         leaves: Unit in whose port the unit is now, None if it is free.
         enters: Unit in whose port it ends.
+        held: Whether the collision monitor of the unit has held it where it stands. Something is nearer to it
+            than it seems from above, so that it turns on the spot only where there is all the room for that.
     """
 
     X_WU: SE2
@@ -48,6 +50,7 @@ class RouteRequest:
     dock: bool = False
     leaves: str | None = None
     enters: str | None = None
+    held: bool = False
 
     @property
     def others(self) -> list[Standing]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from msrr_scenes.arrays import Array
 from msrr_scenes.checks.problems import Problem
 from msrr_scenes.placement.start_regions import distance, outline, region
-from msrr_scenes.specs.plan import MoveStep
+from msrr_scenes.specs.plan import MoveStep, ancestors
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec, Spread
 
@@ -34,23 +34,22 @@ def _pose_problems(scene: Scene, i: int, pose: PoseSpec) -> Iterator[Problem]:
 def taken_ends(scene: Scene) -> Iterator[Problem]:
     """Yield moves that end too near to what stays where it is, or to the end of another unit's last move.
 
-    A free unit without a step makes way, and obstacles that appear later may stand anywhere by then.
+    A unit that stands free by then makes way, and obstacles that appear later may stand anywhere by then.
     """
     if not any(isinstance(step, MoveStep) for step in scene.plan):
         return
     least = scene.judge.min_clearance_m
-    busy = {step.unit for step in scene.plan}
-    locked = {unit for dock in scene.assembled_docks for unit in (dock.unit, dock.target_unit)}
     still = [name for name, body in scene.obstacles.items() if body.appears_at_s == 0.0]
-    covered = {
-        repr(name): region(scene, name, outline(scene, name)) for name in (*still, *sorted(locked - busy))
-    }
+    locked = {unit for dock in scene.assembled_docks for unit in (dock.unit, dock.target_unit)}
+    grounds = {name: region(scene, name, outline(scene, name)) for name in (*still, *sorted(locked))}
+    ends: dict[str, Array] = {}
     last = {step.unit: i for i, step in enumerate(scene.plan)}
     for i, step in enumerate(scene.plan):
         if not isinstance(step, MoveStep):
             continue
         end: Array = step.pose.nominal.act(outline(scene, step.unit))
-        for who, body in covered.items():
+        stays = (*still, *sorted(_locked_since_the_start(scene, i)))
+        for who, body in ({repr(name): grounds[name] for name in stays} | ends).items():
             found = distance(end, body)
             if found < least:
                 text = (
@@ -59,4 +58,14 @@ def taken_ends(scene: Scene) -> Iterator[Problem]:
                 )
                 yield Problem(("plan", i, "pose"), text)
         if last[step.unit] == i:
-            covered[f"the end of {step.unit!r} (plan step {i})"] = end
+            ends[f"the end of {step.unit!r} (plan step {i})"] = end
+
+
+def _locked_since_the_start(scene: Scene, i: int) -> set[str]:
+    """Return the units that are locked to others from the start to the end of step ``i``.
+
+    They cannot make way. The unit itself leaves its port, and so may those of steps that may come before.
+    """
+    leave = {step.unit for j, step in enumerate(scene.plan) if j == i or i not in ancestors(scene.plan, j)}
+    docks = [dock for dock in scene.assembled_docks if dock.unit not in leave]
+    return {unit for dock in docks for unit in (dock.unit, dock.target_unit)}

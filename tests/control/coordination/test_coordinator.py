@@ -124,6 +124,30 @@ def test_a_unit_that_its_collision_monitor_holds_gets_another_route(rig: type[Ri
         assert status.replans > 0
 
 
+def test_a_unit_moves_into_a_corner_and_out_of_it(rig: type[Rig], setup: CoordinationSetup) -> None:
+    corner = SE2(1.87, -1.38, math.radians(30.0))
+    there = MoveStep(move="a", name="there", pose=PoseSpec(x_m=corner.x, y_m=corner.y, yaw_deg=30.0))
+    run = rig(Mission(steps=[there]), {"a": SE2(0.0, 0.0, 0.0)})
+    assert run.run().state is MissionState.COMPLETE, run.status.reason
+    assert setup.tolerance.holds(corner.inverse() @ run.units["a"].X_WU)
+    back = rig(Mission(steps=[MoveStep(move="a")]), {"a": corner})
+    assert back.run().state is MissionState.COMPLETE, back.status.reason
+
+
+def test_only_the_route_of_a_unit_that_was_held_avoids_a_turn_where_it_stands(
+    rig: type[Rig], setup: CoordinationSetup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked, find = [], setup.finder.find
+    monkeypatch.setattr(setup.finder, "find", lambda request: (asked.append(request.held), find(request))[1])
+    steps = [
+        MoveStep(move="a", name=name, pose=PoseSpec(x_m=x)) for name, x in (("out", 1.2), ("back", -1.0))
+    ]
+    run = rig(Mission(steps=steps), {"a": SE2(-1.0, 0.0, 0.0)})
+    run.units["a"].held_routes = 1
+    assert run.run().state is MissionState.COMPLETE
+    assert asked == [False, True, False]
+
+
 @pytest.mark.parametrize(
     ("pattern", "looks_s"),
     [

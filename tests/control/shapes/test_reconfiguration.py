@@ -8,11 +8,12 @@ import random
 from collections.abc import Mapping, Sequence
 from typing import get_args
 
+import numpy as np
 import pytest
 
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.shapes.forms import Form, Hop, Ports, after_hop
-from msrr_control.shapes.hop_rules import HopRules
+from msrr_control.shapes.hop_rules import LEAST_WAY_OUT_M, HopRules
 from msrr_control.shapes.least_hops import least_hops
 from msrr_control.shapes.place_by_place import place_by_place
 from msrr_control.shapes.reconfiguration import (
@@ -24,6 +25,7 @@ from msrr_control.shapes.reconfiguration import (
 from msrr_control.shapes.shape import LEAST_GAP_M, Shape, build_pattern
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.specs.mission import Pattern
 
 WIDE = (-9.0, 9.0, -9.0, 9.0)
@@ -289,7 +291,7 @@ def test_a_place_and_its_lane_fit_in_a_box_that_just_holds_them(
             box = [limit + 5.0 * way for limit, way in zip(least, (-1.0, 1.0, -1.0, 1.0), strict=True)]
             box[side] = least[side] + outwards * off
             x0, x1, y0, y1 = box
-            assert HopRules(lanes, X_WR, (x0, x1, y0, y1)).fits(("left",)) is fits
+            assert (HopRules(lanes, X_WR, (x0, x1, y0, y1)).hindrance(("left",)) is None) is fits
 
 
 def test_a_unit_with_the_border_behind_it_does_not_leave_its_place(setup: CoordinationSetup) -> None:
@@ -304,6 +306,35 @@ def test_a_unit_with_the_border_behind_it_does_not_leave_its_place(setup: Coordi
     for left in (limit, limit - 5.0):
         tasks = reconfiguration_tasks(holders, wanted, lanes, SE2(), (left, 9.0, -9.0, 9.0))
         assert [task.unit for task in tasks] == ["c"]
+
+
+def test_hops_keep_clear_of_the_obstacles_that_are_known(setup: CoordinationSetup) -> None:
+    """Two change places by way of a third one, and a post stands about: where they can, they get past it."""
+    lanes, finder, rng = setup.lanes, setup.finder, random.Random(0)
+    holders = {"b": "a.left", "c": "a.right", "d": "a.rear", "e": "d.rear"}
+    wanted = Shape.from_tree({"a": "root", "d": "a.rear", "e": "d.rear", "c": "a.left", "b": "a.right"})
+    start = Shape.from_tree({"a": "root", **holders}).poses(SE2(), lanes.body)
+    first, refused = set(), list[str]()
+    for _ in range(80):
+        x, y, radius = rng.uniform(-1.2, 0.4), rng.uniform(-1.0, 1.0), rng.uniform(0.03, 0.1)
+        if min(math.hypot(x - X.x, y - X.y) for X in start.values()) < radius + lanes.body.radius + 0.05:
+            continue
+        post, poses = ObstacleEstimate("post", 0, SE2(x, y), np.eye(3), radius), dict(start)
+        try:
+            tasks = reconfiguration_tasks(holders, wanted, lanes, SE2(), WIDE, True, (post,))
+        except SceneError as error:
+            refused.append(str(error))
+            continue
+        first.add(tasks[0].name)
+        unit_of = {task.name: task.unit for task in tasks}
+        for task in tasks:
+            unit, holder = str(task.unit), str(task.parent_unit or unit_of[str(task.parent)])
+            assert finder.behind(poses[unit], LEAST_WAY_OUT_M, (post,)) is None, task.name
+            poses[unit] = lanes.body.docked(poses[holder], task.port)
+            assert lanes.obstacle_in(poses[unit], (post,)) is None, task.name
+    assert len(refused) > 5
+    assert all("post" in reason for reason in refused)
+    assert len(first) > 1, "where a post stands in one lane, another one serves"
 
 
 def test_what_cannot_be_is_refused(setup: CoordinationSetup) -> None:

@@ -129,11 +129,14 @@ def test_after_a_failed_attempt_in_silence_it_stays_before_the_dock_leg() -> Non
     assert held.limit(3, begins - 0.1, 0.0) == begins - 0.1
 
 
+@pytest.mark.parametrize("backs", [False, True])
 @pytest.mark.parametrize("turn", [-2.5, 0.0, 0.8])
-def test_a_route_in_the_open_ends_in_the_heading_of_its_track(turn: float) -> None:
+def test_a_route_in_the_open_ends_in_the_heading_of_its_track(turn: float, backs: bool) -> None:
     builder = TrackBuilder(SE2(0.3, 0.2, 1.0), 0.1)
     builder.ahead(0.5)
     builder.turn_by(turn)
+    if backs:
+        builder.reverse(0.3)
     held = MovementAuthority(LIMITS, REACTION_S)
     held.receive(replace(_authority(0.0), legs=builder.track().legs, to=None))
     assert held.end_yaw == pytest.approx(builder.pose.yaw)

@@ -91,6 +91,29 @@ def test_a_unit_beside_an_obstacle_drives_straight_before_it_turns(
     assert gaps.min() > 0.039
 
 
+def test_a_unit_that_was_held_turns_only_where_it_has_room(setup: CoordinationSetup) -> None:
+    """Whatever stands beside it is nearer than it seems: a turn on the spot that seemed to pass does not."""
+    finder, body, rng = setup.finder, setup.lanes.body, np.random.default_rng(0)
+    turned = 0
+    for _ in range(60):
+        radius, bearing = float(rng.uniform(0.03, 0.15)), rng.uniform(-math.pi, math.pi)
+        start, goal = SE2(0.0, 0.0, rng.uniform(-math.pi, math.pi)), SE2(1.2, rng.uniform(-1.0, 1.0), 0.0)
+        apart = body.radius + radius + rng.uniform(0.0, 0.05)
+        x, y = apart * math.cos(bearing), apart * math.sin(bearing)
+        post = ObstacleEstimate("post", 0, SE2(x, y), np.eye(3) * 1e-6, radius)
+        before, track = (
+            finder.find(RouteRequest(start, goal, (), (post,), held=held)) for held in (False, True)
+        )
+        assert track is not None
+        first = next(k for k, leg in enumerate(track.legs) if leg.kind is LegKind.TURN)
+        place, begin = track.legs[first].start, track.legs[first - 1].end if first else 0.0
+        assert math.hypot(place[0] - x, place[1] - y) > body.radius + radius + 0.05
+        gaps = body.gaps_to_disc(track.poses[track.s <= begin], x, y, radius)
+        assert gaps.min() > gaps[0] - 0.002
+        turned += before is not None and before.legs[0].kind is LegKind.TURN
+    assert turned > 20, "so many would turn at once if they were not held"
+
+
 def test_a_unit_backs_out_only_where_there_is_room(setup: CoordinationSetup) -> None:
     """It backed out of the arena, and into obstacles: only other units were looked at."""
     finder, body = setup.finder, setup.lanes.body
@@ -171,6 +194,29 @@ def test_beside_the_border_a_unit_turns_where_it_is_to_stand(setup: Coordination
     gaps = finder.body.gaps_to_disc(track.poses, post.X_WB.x, post.X_WB.y, post.radius)
     assert gaps.min() > 0.045
     assert finder.contact(track, standing) is None
+
+
+def test_into_a_corner_and_out_of_it_there_is_a_route(setup: CoordinationSetup) -> None:
+    """On any heading, as near to both sides as a move may end; and none where a post stands on the end."""
+    finder, rng = setup.finder, np.random.default_rng(0)
+    _, x1, _, y1 = finder.box
+    backs = 0
+    for _ in range(100):
+        room = finder.spec.border_m + rng.uniform(0.0, finder.body.offset, 2)
+        x, y = rng.choice([-1.0, 1.0], 2) * ([x1, y1] - room)
+        corner = SE2(x, y, rng.uniform(-math.pi, math.pi))
+        inside = SE2(rng.uniform(-1.5, 1.5), rng.uniform(-1.0, 1.0), rng.uniform(-math.pi, math.pi))
+        for start, goal in ((inside, corner), (corner, inside)):
+            track = finder.find(RouteRequest(start, goal))
+            assert track is not None, (start, goal)
+            off = goal.inverse() @ track.end
+            assert math.hypot(off.x, off.y) < 0.01
+            assert abs(off.yaw) < 2e-3
+            assert (np.abs(track.poses[:, :2]) < np.array([x1, y1]) - finder.spec.border_m + 0.01).all()
+            backs += track.legs[-1 if len(track.legs) < 2 else -2].kind is LegKind.REVERSE
+        post = ObstacleEstimate("post", 0, corner @ SE2(0.05, 0.0, 0.0), np.eye(3) * 1e-6, 0.05)
+        assert finder.find(RouteRequest(inside, corner, (), (post,))) is None
+    assert backs > 80
 
 
 def test_an_obstacle_in_a_lane_counts_until_the_unit_has_passed_it(setup: CoordinationSetup) -> None:

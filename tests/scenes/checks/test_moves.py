@@ -65,3 +65,17 @@ def test_a_unit_that_is_locked_stays_unless_it_has_a_step(path: Path) -> None:
     with pytest.raises(SceneError, match=r"'c' would stand 0\.000 m from 'b'"):
         load(path, seat)
     load(path, f"{{undock: b}}, {move('b', 0.0, 0.0, name='away')}, {seat}")
+
+
+@pytest.mark.parametrize("later", [False, True])
+def test_a_unit_that_carries_nobody_else_by_then_makes_way(path: Path, later: bool) -> None:
+    """A unit may move to where the one stands that carries it, unless that one carries a third one, too."""
+    to_carrier = move("b", 1.5, 1.0)
+    load(path, to_carrier)
+    scene = SCENE.replace("a.rear]", "a.rear, c.front-a.left]").replace(", pose: {x_m: 1.5, y_m: -0.8}", "")
+    third = f", {move('c', 0.0, 0.0, name='third')}" if later else ""
+    path.write_text(f"{scene}plan: [{to_carrier}{third}]\n")
+    with pytest.raises(SceneError, match=r"plan\.0\.pose: 'b' would stand 0\.000 m from 'a'"):
+        load_scene(path)
+    path.write_text(path.read_text().replace("plan: [", "plan: [{undock: c, name: out}, "))
+    load_scene(path)
