@@ -74,7 +74,6 @@ class StateMemory:
         looked_behind: Timer of the unit knowing what is behind it, or no longer waiting to know.
         arrived: Timer of the unit standing at the end of its retreat.
         leg: Leg of the calibration drive under way, counted from 0.
-        askew: Timer of one seat switch alone being closed.
         limited: Timer of the collision monitor slowing or stopping the unit.
         doubted: Timer of the collision monitor stopping it because nobody knows where others are.
         sigma_lateral: Smallest standard deviation of the lateral estimate [m] on the way to the port, near
@@ -91,7 +90,6 @@ class StateMemory:
         self.unseen, self.switches, self.arrived = HoldTimer(), HoldTimer(), HoldTimer()
         self.opened, self.looked_behind, self.limited = HoldTimer(), HoldTimer(), HoldTimer()
         self.doubted = HoldTimer()
-        self.askew = HoldTimer()
         self.sigma_lateral = self.pushed = 0.0
         self._best, self._best_ns = math.inf, since_ns
         self.frames, self._last_frame_ns = 0, since_ns

@@ -105,7 +105,6 @@ def dock(c: DockingContext) -> Twist | Transition:
     if at_port:
         passed = c.observation.passed
         c.memory.pushed += c.dt * (spec.press_mps if passed is None else passed.v)
-    one_closed = switches is not None and switches.left != switches.right
     if idle > spec.stall_time_s:
         # The first decision of the monitor comes with the next instant.
         held = limited_s >= idle - 2.0 * c.dt
@@ -117,6 +116,7 @@ def dock(c: DockingContext) -> Twist | Transition:
         pressed = at_port and c.memory.pushed > c.memory.next_progress(tuning.progress_m, way)
         if pressed and not closed:
             # The pin that is farther in tells how the unit is turned: sight may be off by more than that.
+            one_closed = switches is not None and switches.left != switches.right
             to_left = switches.right if one_closed and switches is not None else view.yaw > 0.0
             c.jammed(to_left)
         return Transition.back_out(reason, FailureReason.STALLED, reassemble=held)
@@ -130,10 +130,6 @@ def dock(c: DockingContext) -> Twist | Transition:
     if closed and agrees:  # on a slippery floor wheels push the target along for as long as they spin
         return STILL
     turn = min(max(twist.w, -tuning.press_turn_radps), tuning.press_turn_radps)
-    if c.memory.askew.update(one_closed, now_ns) > tuning.askew_s and switches is not None:
-        # One pin is at the bottom of its hole, and friction holds the other one: sight cannot tell so small
-        # an angle, but the switches do.
-        turn = math.copysign(tuning.press_turn_radps, 1.0 if switches.left else -1.0)
     return Twist(spec.press_mps, turn)
 
 

@@ -49,7 +49,6 @@ class PhaseTuning(Spec):
             centres a pin; nearer to the edge it may jam.
         capture_deg: Largest heading error from which the funnel still centres the pins.
         press_turn_radps: Largest turn rate while pressing.
-        askew_s: Time for which one seat switch alone may be closed before the unit turns the other pin in.
         debounce_s: Time for which both switches have to stay closed, or open, to be believed.
         near_m: Deviation from the seated gap that agrees with closed switches (verification by sight only).
         seated_gap_m: Gap that is left between the faces of a seated pair.
@@ -77,7 +76,6 @@ class PhaseTuning(Spec):
     capture_share: float = Field(default=0.8, gt=0.0, le=1.0)
     capture_deg: Tolerance = 7.0
     press_turn_radps: NonNegative = 0.4
-    askew_s: Time = 0.5
     debounce_s: Time = 0.1
     near_m: Length = 0.004
     seated_gap_m: Distance = 0.0

@@ -316,20 +316,6 @@ def test_pins_in_the_holes_are_pressed_whatever_sight_says_of_the_side(desk: Des
     assert (action.phase, action.twist.v) == (Phase.DOCK, desk.spec.press_mps)
 
 
-@pytest.mark.parametrize(("closed", "turn"), [((True, False), 1.0), ((False, True), -1.0)])
-def test_where_one_pin_is_in_it_turns_the_other_one_in(
-    desk: Desk, closed: tuple[bool, bool], turn: float
-) -> None:
-    """Friction held the other pin, and sight said that nothing was left to turn: three attempts were lost."""
-    desk.to_dock()
-    patience = round(1e9 * TUNING.askew_s / DT_NS)
-    turns = [desk.ask(desk.at(0.001), closed=closed).twist for _ in range(patience + 3)]
-    assert {t.v for t in turns} == {desk.spec.press_mps}
-    assert all(abs(t.w) < 0.5 * TUNING.press_turn_radps for t in turns[:patience])
-    assert turns[-1].w == turn * TUNING.press_turn_radps
-    assert abs(desk.ask(desk.at(0.001), closed=False).twist.w) < 0.5 * TUNING.press_turn_radps
-
-
 def _turn_after_jam(
     desk: Desk,
     yaw: float,
