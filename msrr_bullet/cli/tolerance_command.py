@@ -80,6 +80,7 @@ def tolerance(
     if len(arguments["seeds"]) < 2:
         raise SceneError(f"--seeds {seeds}: a study needs two seeds or more, one for each sign of an error")
     wanted = _parse_grades(grades)
+    from msrr_bullet.sweep.trial_store import STUDY_STORE
     from msrr_bullet.tolerance.study import run_study
 
     console = open_console()
@@ -96,7 +97,7 @@ def tolerance(
                 **arguments,
             )
         except KeyboardInterrupt:
-            if (store := folder / "trials.sqlite").exists():
+            if (store := folder / STUDY_STORE).exists():
                 typer.echo(f"The trials so far are in {store}; the same command goes on from there.")
             raise
     _report(console, study)

@@ -14,6 +14,9 @@ from msrr_scenes.outcome import Outcome
 #: Version of the tables and of the results in them; it is increased with every change.
 LAYOUT = 4
 
+#: File of a study's folder that holds every trial.
+STUDY_STORE = "trials.sqlite"
+
 #: What makes a store of an empty file, at once: no other process sees a part of it.
 _CREATION = f"""
 BEGIN IMMEDIATE;
@@ -63,7 +66,7 @@ def study_store(folder: Path) -> Path:
     Raises:
         StoreError: The file in the folder of the study cannot be used.
     """
-    path = folder / "trials.sqlite"
+    path = folder / STUDY_STORE
     with TrialStore(path, mend="move that file away, or choose another --out"):
         return path
 

@@ -58,13 +58,7 @@ def later_ones_fit(
     """Return whether those that are to dock to what docks to a target can do so where the target stands.
 
     Nobody can ask for a route to them yet, and once the first unit has docked to the target it stays there.
-
-    Args:
-        target: Unit that carries nobody.
-        tasks: Tasks that are open.
-        units: All units.
-        setup: Lanes of the units, and the arena.
-        obstacles: Obstacles that have been seen.
+    The arguments are those of :func:`place_of_target`.
     """
     shape = _tree(target.name, tasks)
     stay = [u for u in units.values() if u.name not in shape.by_name and (u.docks or u.out_of_action)]
