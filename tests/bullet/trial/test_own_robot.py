@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import re
 import shutil
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from itertools import count
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -70,16 +73,26 @@ def test_a_sweep_of_a_robot_that_is_edited_keeps_what_was_run_before(tmp_path: P
     """Its results were lost without a word, and some were in the store as those of the other robot."""
     path, store = own_folder(tmp_path), tmp_path / "store.sqlite"
     urdf, scene, ended, again = path.with_name("mine.urdf"), load_scene(path, BLIND), [], []
+    written, submitted = Event(), count(1)
 
     def edit(result: object, _: bool) -> None:
         ended.append(result)
-        if len(ended) == 2:  # as editors write, for a trial reads the file meanwhile
+        if len(ended) == 2:  # as editors write, for a trial may read the file meanwhile
             edited = urdf.with_suffix(".new")
             edited.write_text(urdf.read_text().replace("</robot>", "<!-- edited --></robot>"))
             edited.replace(urdf)
+            written.set()
 
-    with ThreadPoolExecutor(1) as pool, pytest.raises(MsrrError):
-        run_sweep(scene, range(3), store=store, executor=pool, observer=edit)
+    class ThirdAfterTheEdit(ThreadPoolExecutor):
+        """The third trial could end before the results of the first two are told."""
+
+        def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+            if next(submitted) < 3:
+                return super().submit(fn, *args, **kwargs)
+            return super().submit(lambda: written.wait(60.0) and fn(*args, **kwargs))
+
+    with ThirdAfterTheEdit(1) as waiting, pytest.raises(MsrrError):
+        run_sweep(scene, range(3), store=store, executor=waiting, observer=edit)
     with ThreadPoolExecutor(1) as pool:
         assert run_sweep(scene, range(3), store=store, executor=pool).reused == 0
     urdf.write_text(urdf.read_text().replace("<!-- edited -->", ""))
