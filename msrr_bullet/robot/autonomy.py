@@ -61,6 +61,9 @@ _OVERHEAD_PHASES = (*_FAR_PHASES, Phase.RETREAT)
 #: Phases in which the overhead camera only checks the surroundings, now and then.
 _CHECKED_PHASES = (Phase.CALIBRATE, Phase.DOCK)
 
+#: Phases after which a unit that is done has docked, not undocked.
+_DOCKED_AFTER = (Phase.VERIFY, Phase.TUG_TEST)
+
 
 class Autonomy:
     """One docking unit during one step of the plan.
@@ -255,7 +258,7 @@ class Autonomy:
                 tags_read_ns=self._tags_read_ns,
             )
         )
-        if action.phase is Phase.DONE and before is Phase.VERIFY:
+        if action.phase is Phase.DONE and before in _DOCKED_AFTER:
             self._learn_seat()
         if action.phase is Phase.ASSEMBLE and before is not Phase.ASSEMBLE:
             # Estimates by the onboard camera from another place are of no use for the next docking phase.

@@ -13,7 +13,7 @@ from msrr_scenes.messages import Phase, seconds
 from msrr_scenes.messages.coordination import UnitState
 
 #: Phases of a docking attempt, and phases that follow a failed one.
-ATTEMPT = (Phase.DOCK, Phase.LOCK, Phase.VERIFY)
+ATTEMPT = (Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.TUG_TEST)
 AFTER_FAILURE = (Phase.RETREAT, Phase.ASSEMBLE, Phase.HAND_OVER, Phase.FAILED)
 
 

@@ -43,6 +43,7 @@ PHASE_COLOURS = {
     Phase.DOCK: 0xCFE6F5,
     Phase.LOCK: 0xF3DCEA,
     Phase.VERIFY: 0xCDEBDF,
+    Phase.TUG_TEST: 0xB7E3E0,
     Phase.CALIBRATE: 0xE8E0F4,
     Phase.RETREAT: 0xF8DCC8,
     Phase.DONE: 0x9FD8C3,

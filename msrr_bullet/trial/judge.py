@@ -23,7 +23,9 @@ from msrr_scenes.specs.plan import DockStep
 
 #: Phases in which the docking pair may come close. After them, for example when the robot gives up, the pair
 #: may stay close until it has parted.
-_DOCKING = frozenset({Phase.CALIBRATE, Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.RETREAT, Phase.DONE})
+_DOCKING = frozenset(
+    {Phase.CALIBRATE, Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.TUG_TEST, Phase.RETREAT, Phase.DONE}
+)
 
 #: Smallest clearance of a pair that has parted after docking [m]; the minimum clearance applies as well.
 PARTED_M = 0.005

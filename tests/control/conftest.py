@@ -57,7 +57,10 @@ def make_setup(setting: str = "normal") -> DockSetup:
 
 @dataclass
 class ToyRobot:
-    """Truth and sensors. ``blocked_until`` puts something into the holes before that attempt."""
+    """Truth and sensors. ``blocked_until`` puts something into the holes before that attempt.
+
+    A lock that closes on nothing reports that it is closed, and holds nothing.
+    """
 
     X_DU: SE2 = field(default_factory=lambda: SE2(-0.8, 0.05, 0.1))
     spec: DockingSpec = field(default_factory=DockingSpec)
@@ -133,7 +136,7 @@ class ToyRobot:
         moved = self.X_DU @ SE2.exp(dt * self.twist.v, 0.0, dt * self.twist.w)
         floor = SEATED_GAP if action.attempt >= self.blocked_until else 0.010
         gap = -(moved.x + self.facts.offset * math.cos(moved.yaw))
-        if self.lock_position() is not LockPosition.CLOSED:
+        if self.lock_position() is not LockPosition.CLOSED or self.gap > SEATED_GAP + 0.0025:
             self.X_DU = SE2(moved.x - max(floor - gap, 0.0), moved.y, moved.yaw)
         self.now_ns += DT_NS
         return action

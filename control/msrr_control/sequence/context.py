@@ -72,13 +72,15 @@ class StateMemory:
         switches: Timer of the seat switches saying what the phase waits for.
         opened: Timer of the lock being open.
         looked_behind: Timer of the unit knowing what is behind it, or no longer waiting to know.
-        arrived: Timer of the unit standing at the end of its retreat.
+        arrived: Timer of the unit standing at the end of its retreat or tug.
         leg: Leg of the calibration drive under way, counted from 0.
         limited: Timer of the collision monitor slowing or stopping the unit.
         doubted: Timer of the collision monitor stopping it because nobody knows where others are.
         sigma_lateral: Smallest standard deviation of the lateral estimate [m] on the way to the port, near
             which wheels that may spin make it larger; 0 in a stay that begins there.
         pushed: Way that the unit was let push on at the port since it last made progress [m].
+        before: View before a tug test; None in other phases.
+        tugged: Way that the unit was let drive backwards in a tug test [m].
         frames: Number of frames in a row that agreed, as :meth:`frames_in_a_row` has counted them.
     """
 
@@ -91,6 +93,8 @@ class StateMemory:
         self.opened, self.looked_behind, self.limited = HoldTimer(), HoldTimer(), HoldTimer()
         self.doubted = HoldTimer()
         self.sigma_lateral = self.pushed = 0.0
+        self.before: PortView | None = None
+        self.tugged = 0.0
         self._best, self._best_ns = math.inf, since_ns
         self.frames, self._last_frame_ns = 0, since_ns
 
@@ -208,6 +212,7 @@ class DockingContext:
         reassemble: Whether the next attempt begins with the long-distance phase.
         calibrate: Whether the unit has yet to calibrate before it docks.
         aim: Where the unit docks beside the axis.
+        seat: How the unit sees its seat, in which a tug test has shown it to be held; None before one.
         last_gap: Last known distance between the faces [m], updated by odometry; None while unknown.
     """
 
@@ -227,6 +232,7 @@ class DockingContext:
     reassemble: bool = False
     calibrate: bool = False
     aim: Aim = field(default_factory=Aim)
+    seat: PortView | None = None
     last_gap: float | None = None
     _previous_ns: int | None = None
 

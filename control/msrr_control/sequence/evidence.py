@@ -43,10 +43,11 @@ def off_seat(c: DockingContext, view: PortView) -> str | None:
     check, degrees = c.spec.verify, math.degrees(1.0)
     gap, side = (with_doubt(check.position_m, sigma) for sigma in (view.sigma_gap, view.sigma_lateral))
     heading = with_doubt(math.radians(check.yaw_deg), view.sigma_yaw)
+    seat = (c.tuning.seated_gap_m, 0.0, 0.0) if c.seat is None else c.seat[:3]
     figures = (
-        ("gap", view.gap - c.tuning.seated_gap_m, gap, 1e3, "mm"),
-        ("side", view.lateral, side, 1e3, "mm"),
-        ("heading", view.yaw, heading, degrees, "deg"),
+        ("gap", view.gap - seat[0], gap, 1e3, "mm"),
+        ("side", view.lateral - seat[1], side, 1e3, "mm"),
+        ("heading", view.yaw - seat[2], heading, degrees, "deg"),
     )
     too_far = [
         f"{name} off by {scale * abs(off):.1f} {unit}, {scale * limit:.1f} {unit} accepted"

@@ -41,6 +41,10 @@ STILL = Twist()
 #: no matter of sight, which goes wrong there with wheels that spin while the unit stands.
 _IN_HOLES = 0.5
 
+#: Share of the speed of a tug at which the wheels are at rest again: a drive may lag by half a second. Share
+#: of its way by which a unit is seen to move that is not held: backlash may take up half of the way.
+_AT_REST, _MOVED = 0.1, 1.0 / 3.0
+
 #: Clearance beyond which a body stops no unit that knows where it is [m]: units stop within a tenth of that,
 #: and no place is as uncertain that somebody has seen in the last seconds.
 _FAR_M = 0.3
@@ -106,6 +110,9 @@ def dock(c: DockingContext) -> Twist | Transition:
         passed = c.observation.passed
         c.memory.pushed += c.dt * (spec.press_mps if passed is None else passed.v)
     if idle > spec.stall_time_s:
+        if closed and at_port and spec.verify.by_sight and spec.verify.tug_m:
+            # Sight may be what is wrong, and would be so in the next attempt as well; a tug test tells.
+            return Transition(Phase.LOCK, f"both seat switches closed, although seen at {view}")
         # The first decision of the monitor comes with the next instant.
         held = limited_s >= idle - 2.0 * c.dt
         if held:  # the same approach would end here again; the long-distance phase knows what stands where
@@ -127,7 +134,8 @@ def dock(c: DockingContext) -> Twist | Transition:
         off_yaw, off_lateral = abs(view.yaw), abs(view.lateral - c.aim.lateral)
         if off_lateral > tuning.capture_share * c.setup.mouth or off_yaw > math.radians(tuning.capture_deg):
             return Transition.back_out(f"too far off the axis at {view}", FailureReason.OFF_AXIS)
-    if closed and agrees:  # on a slippery floor wheels push the target along for as long as they spin
+    # On a slippery floor wheels push the target along for as long as they spin.
+    if closed and agrees:
         return STILL
     turn = min(max(twist.w, -tuning.press_turn_radps), tuning.press_turn_radps)
     return Twist(spec.press_mps, turn)
@@ -168,7 +176,11 @@ def lock(c: DockingContext) -> Twist | Transition:
 
 
 def verify(c: DockingContext) -> Twist | Transition:
-    """Compare what is seen with the view of a seated unit; lock and switches have to agree as well."""
+    """Compare what is seen with the view of a seated unit; lock and switches have to agree as well.
+
+    Sight that alone disagrees may be wrong itself, and sight that would not show pins half out of the holes
+    tells little: then a tug test decides.
+    """
     check, tuning, view = c.spec.verify, c.tuning, c.view
     against = loosened(c)
     if against is not None:
@@ -179,18 +191,58 @@ def verify(c: DockingContext) -> Twist | Transition:
     if view is not None and check.by_sight:
         enough = c.memory.frames_in_a_row(view.last_seen_ns, off_seat(c, view) is None) >= tuning.frames
         if closed and enough:
-            short = 1e3 * shortest_seen(c, view)
-            reason = f"locked, and seen seated at {view}; a gap of {short:.1f} mm would have been seen"
-            return Transition(Phase.DONE, reason)
+            short = shortest_seen(c, view)
+            reason = f"locked, and seen seated at {view}; a gap of {1e3 * short:.1f} mm would have been seen"
+            tug = check.tug_m > 0.0 and short > _IN_HOLES * c.setup.pin_reach
+            return Transition(Phase.TUG_TEST if tug else Phase.DONE, reason)
     if c.memory.lasted(c.now_ns) > check.time_s:
         seen = "not seen" if view is None else f"seen at {view}"
         off = None if view is None else off_seat(c, view)
         if off is not None and closed:
-            seen += f": {off}. The seat is false, or camera or marker are off by more than their tolerances"
+            seen += f": {off}"
+            if check.tug_m:
+                return Transition(Phase.TUG_TEST, f"locked, but {seen}")
+            seen += ". The seat is false, or camera or marker are off by more than their tolerances"
         elif view is not None and closed:
             frames = f"{c.memory.frames} of the {tuning.frames} frames"
             seen += f" in {frames} for which docking.verify.time_s = {check.time_s:g} has to be enough"
         return Transition.back_out(f"locked, but {seen}", FailureReason.NOT_VERIFIED)
+    return STILL
+
+
+def tug_test(c: DockingContext) -> Twist | Transition:
+    """Drive backwards with the lock closed, then compare what is seen with what was seen before.
+
+    Whatever error of camera, marker or map let a seated unit be seen off its seat is in both views alike, so
+    that only a unit that is not held is seen to move.
+    """
+    check, tuning, memory, view = c.spec.verify, c.tuning, c.memory, c.view
+    against = loosened(c)
+    if against is not None or view is None:
+        seen = "the target is not seen" if against is None else against.reason
+        return Transition.back_out(f"{seen} in a tug test", FailureReason.NOT_VERIFIED)
+    if memory.before is None:
+        memory.before = view
+    speed, passed, twist = c.spec.press_mps, c.observation.passed, c.observation.twist
+    late = memory.lasted(c.now_ns) > check.tug_m / speed + tuning.retreat_margin_s + check.time_s
+    if memory.tugged < check.tug_m:
+        if late:
+            reason = f"locked, but there was no room for a tug test{c.observation.held}"
+            return Transition.back_out(reason, FailureReason.NOT_VERIFIED)
+        memory.tugged += c.dt * (speed if passed is None else -passed.v)
+        return Twist(-speed, 0.0)
+    rested_s = memory.arrived.update(abs(twist.v) < _AT_REST * speed, c.now_ns)
+    moved = view.gap - memory.before.gap
+    held = rested_s - view.age > tuning.settle_s and moved < _MOVED * check.tug_m
+    if memory.frames_in_a_row(view.last_seen_ns, held) >= tuning.frames:
+        c.seat = view
+        return Transition(Phase.DONE, f"locked, and held in a tug test; seen at {view}")
+    if late or rested_s > tuning.settle_s + check.time_s:
+        reason = f"locked, but seen to move by {1e3 * moved:.1f} mm in a tug test"
+        if moved < _MOVED * check.tug_m:
+            frames = f"{memory.frames} of the {tuning.frames} frames"
+            reason = f"locked, but seen in {frames} that a tug test takes"
+        return Transition.back_out(reason, FailureReason.NOT_VERIFIED)
     return STILL
 
 

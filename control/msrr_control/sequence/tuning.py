@@ -62,7 +62,7 @@ class PhaseTuning(Spec):
         look_around_s: Time for which the unit waits for an overhead picture before it backs out regardless.
         frames: Number of frames in a row that have to agree at verification.
         arrived_m: Distance to the end of the retreat at which the unit has arrived.
-        settle_s: Pause after backing out.
+        settle_s: Pause after backing out, or after a tug.
         retreat_margin_s: Time given to a retreat beyond what its distance takes.
         retreat: How the unit backs out.
         search: How the unit looks for its target.

@@ -69,6 +69,9 @@ class VerifySpec(Spec):
     """Largest accepted deviation of the yaw [deg]."""
     time_s: Duration = 1.5
     """Longest time that the check may take [s]."""
+    tug_m: Distance = 0.03
+    """Way of the wheels in a tug test [m]; 0 for no tug test. A unit that is seen to move by a third of it is
+    not held; backlash of the drive takes up some of the way."""
 
 
 class DockingSpec(Spec):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -171,13 +172,17 @@ def test_every_outcome_has_a_case() -> None:
     assert {case.outcome for case in CASES} == set(Outcome) - of_steps - of_missions
 
 
-def test_verification_by_sight_detects_a_stuck_seat_switch(shipped: Load) -> None:
-    """The case false_dock with verification by sight: the robot knows that it is not docked."""
-    scene = shipped(
-        "stuck_seat_switch", {"docking.verify.by_sight": "true", "docking.attempts": "1", **BRIEF}
-    )
-    result = run_trial(scene, SEED)
-    assert (result.outcome, result.steps[0].belief) == (Outcome.NOT_SEATED, "gave_up")
+@pytest.mark.parametrize("grade", ["perfect", "rough"])
+def test_verification_by_sight_detects_a_stuck_seat_switch(shipped: Load, grade: str) -> None:
+    """The case false_dock with verification by sight: the robot knows that it is not docked.
+
+    A perfect robot sees itself 9 mm off its seat, a rough one may not; both see that the lock does not hold.
+    """
+    overrides = {"docking.verify.by_sight": "true", "docking.attempts": "1", "as_built": grade, **BRIEF}
+    (step,) = run_trial(shipped("stuck_seat_switch", overrides), SEED).steps
+    assert step.outcome in (Outcome.NOT_SEATED, Outcome.JAMMED)
+    assert step.belief == "gave_up"
+    assert re.search(r"seen to move by \d\d.\d mm in a tug test", step.reason)
 
 
 def test_a_stuck_seat_switch_does_not_prevent_a_docking(shipped: Load) -> None:

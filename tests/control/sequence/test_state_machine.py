@@ -120,12 +120,33 @@ def test_a_cam_that_does_not_close(toy) -> None:
     assert robot.phases() == [Phase.DOCK, Phase.LOCK, Phase.RETREAT, Phase.FAILED]
 
 
-def test_sight_contradicts_a_lock(toy) -> None:
-    """The unit is seen short of its seat by more than is accepted, with three standard deviations of 1 mm."""
-    robot = toy(seen_offset=-0.0034, spec=DockingSpec(attempts=1))
+@pytest.mark.parametrize("seen_offset", [-0.0034, -0.008, 0.012])
+def test_a_seated_unit_that_is_seen_off_its_seat_is_docked_by_a_tug_test(toy, seen_offset: float) -> None:
+    """Seen short of its seat by more than is accepted, or beyond it, before and after the wheels pull."""
+    robot = toy(seen_offset=seen_offset, spec=DockingSpec(attempts=1))
     robot.run()
-    assert robot.machine.belief.setback is FailureReason.NOT_VERIFIED
-    trusting = toy(seen_offset=-0.0034, spec=BLIND_TRUST)
+    assert robot.phases() == [Phase.DOCK, Phase.LOCK, Phase.VERIFY, Phase.TUG_TEST, Phase.DONE]
+    assert robot.machine.belief.conviction is Conviction.DOCKED
+    assert robot.gap < 0.0025
+    tug = [a for a in robot.log if a.phase is Phase.TUG_TEST]
+    assert all(a.lock for a in tug)
+    dt = 1.0 / robot.facts.rate_hz
+    way = sum(-a.twist.v * dt for a in tug)
+    assert way == pytest.approx(robot.spec.verify.tug_m, abs=1.001 * robot.spec.press_mps * dt)
+    for _ in range(100):  # what it then sees is how its seat looks
+        assert robot.step().phase is Phase.DONE
+    assert robot.machine.belief.conviction is Conviction.DOCKED
+
+
+@pytest.mark.parametrize("seen_offset", [-0.0034, -0.008, 0.012])
+def test_without_a_tug_test_sight_contradicts_a_lock(toy, seen_offset: float) -> None:
+    robot = toy(
+        seen_offset=seen_offset, spec=DockingSpec(attempts=1, verify=VerifySpec(tug_m=0.0, time_s=0.5))
+    )
+    robot.run()
+    assert Phase.TUG_TEST not in robot.phases()
+    assert robot.machine.belief.setback in (FailureReason.NOT_VERIFIED, FailureReason.STALLED)
+    trusting = toy(seen_offset=seen_offset, spec=BLIND_TRUST)
     trusting.run()
     assert trusting.machine.belief.conviction is Conviction.DOCKED
 
@@ -144,6 +165,7 @@ def test_stuck_switches_fool_only_a_robot_that_does_not_look(toy, by_sight: bool
     robot.run()
     assert (robot.machine.belief.conviction is Conviction.DOCKED) is believes
     assert robot.gap > 0.009
+    assert (Phase.TUG_TEST in robot.phases()) is by_sight  # it was seen to move with its lock closed
 
 
 def test_switches_that_open_again_while_the_cam_closes(toy) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -653,6 +654,115 @@ def test_docked_is_not_believed_with_an_open_switch_or_an_open_lock(
         desk.ask(desk.at(0.0), closed=closed, lock=(position, desk.now_ns))
     assert desk.machine.phase is Phase.RETREAT
     assert desk.machine.belief.setback is FailureReason.NOT_VERIFIED
+
+
+# The tug test: what is seen before and after the wheels have pulled at the closed lock.
+
+COARSE = np.diag([16e-6, 16e-6, 4e-4])  # of 4 mm and 1.1 deg: a gap of 20 mm is seen, half a pin is not
+
+
+def _to_tug(desk: Desk, covariance: np.ndarray = COARSE) -> None:
+    desk.to_verify()
+    while desk.machine.phase is Phase.VERIFY:
+        action = desk.ask(desk.at(0.0), covariance=covariance, closed=True)
+    assert (action.phase, action.lock) == (Phase.TUG_TEST, True)
+    assert "would have been seen" in action.reason
+
+
+def _tug(desk: Desk, seen: SE2, **more: Any) -> Action:
+    """Let the unit tug and see what becomes of it; the wheels are at rest at once."""
+    while True:
+        action = desk.ask(seen, covariance=COARSE, closed=True, **more)
+        if action.phase is not Phase.TUG_TEST:
+            return action
+
+
+@pytest.mark.parametrize(("sigma", "tugs"), [(0.0005, False), (0.004, True)])
+def test_a_unit_that_would_not_see_pins_half_out_of_the_holes_tugs(
+    desk: Desk, sigma: float, tugs: bool
+) -> None:
+    desk.to_verify()
+    while desk.machine.phase is Phase.VERIFY:
+        desk.ask(desk.at(0.0), covariance=np.diag([sigma**2, sigma**2, 1e-6]), closed=True)
+    assert desk.machine.phase is (Phase.TUG_TEST if tugs else Phase.DONE)
+
+
+@pytest.mark.parametrize(
+    ("gap", "lateral", "yaw", "held"),
+    [(0.0, 0.0, 0.0, True), (-0.02, 0.01, 0.1, True), (0.009, 0.0, 0.0, True), (0.011, 0.0, 0.0, False)],
+)
+def test_a_unit_is_held_that_is_not_seen_to_move_by_a_third_of_the_tug(
+    desk: Desk, gap: float, lateral: float, yaw: float, held: bool
+) -> None:
+    """However uncertain both views are: most of what makes them so is the same in both."""
+    assert desk.spec.verify.tug_m == 0.03
+    _to_tug(desk)
+    action = _tug(desk, desk.at(gap, lateral, yaw))
+    assert action.phase is (Phase.DONE if held else Phase.RETREAT)
+    if not held:
+        assert "seen to move by 11.0 mm in a tug test" in action.reason
+        assert desk.machine.belief.setback is FailureReason.NOT_VERIFIED
+
+
+def test_frames_exposed_while_the_wheels_still_turn_say_nothing(desk: Desk) -> None:
+    """A drive that lags: it moves the unit after the command to stop."""
+    _to_tug(desk)
+    tug_s = desk.spec.verify.tug_m / desk.spec.press_mps
+    for _ in range(round(50 * (tug_s + 1.0))):
+        action = desk.ask(desk.at(0.0), covariance=COARSE, closed=True, twist=Twist(-0.01, 0.0))
+        assert action.phase is Phase.TUG_TEST
+    stopped = desk.now_ns
+    for _ in range(round(50 * TUNING.settle_s) + 10):  # frames of before the stop arrive late
+        action = desk.ask(desk.at(0.0), exposed_ns=stopped, covariance=COARSE, closed=True)
+        assert action.phase is Phase.TUG_TEST
+    assert _tug(desk, desk.at(0.0)).phase is Phase.DONE
+
+
+def test_a_tug_is_measured_by_what_the_collision_monitor_passes(desk: Desk) -> None:
+    """Half the speed takes twice the time; nothing for as long as it may take ends the attempt."""
+    times = {}
+    for share in (1.0, 0.5):
+        slow = Desk(desk.facts)
+        _to_tug(slow)
+        began, v = slow.now_ns, -share * slow.spec.press_mps
+        while slow.ask(slow.at(0.0), covariance=COARSE, closed=True, passed=Twist(v, 0.0)).twist.v < 0.0:
+            pass
+        times[share] = seconds(slow.now_ns - began)
+    assert times[1.0] == pytest.approx(desk.spec.verify.tug_m / desk.spec.press_mps, abs=0.05)
+    assert times[0.5] == pytest.approx(2.0 * times[1.0], abs=0.05)
+    _to_tug(desk)
+    action = _tug(desk, desk.at(0.0), passed=Twist())
+    assert (action.phase, desk.machine.belief.setback) == (Phase.RETREAT, FailureReason.NOT_VERIFIED)
+    assert action.reason == "locked, but there was no room for a tug test"
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ({"closed": False}, "a seat switch has been open"),
+        ({"lock": (LockPosition.OPEN, 0)}, "the lock reports open in a tug test"),
+    ],
+)
+def test_switches_and_lock_are_watched_during_a_tug(desk: Desk, more: dict[str, Any], says: str) -> None:
+    _to_tug(desk)
+    while desk.machine.phase is Phase.TUG_TEST:
+        action = desk.ask(desk.at(0.0), **{"covariance": COARSE, "closed": True, **more})
+    assert action.phase is Phase.RETREAT
+    assert says in action.reason
+
+
+def test_a_unit_that_was_held_in_a_tug_test_knows_how_its_seat_looks(desk: Desk) -> None:
+    """Seen 6 mm short of its seat it is docked, and no longer once it is seen as a seated unit should be."""
+    desk.to_verify()
+    while desk.machine.phase is not Phase.DONE:
+        action = desk.ask(desk.at(0.006), closed=True)
+        assert action.phase is not Phase.RETREAT
+    for _ in range(50):
+        desk.ask(desk.at(0.006), closed=True)
+    assert desk.machine.belief.conviction is Conviction.DOCKED
+    for _ in range(50):
+        desk.ask(desk.at(-0.004), closed=True)
+    assert desk.machine.belief.setback is FailureReason.UNSEATED
 
 
 def test_who_does_not_look_is_not_docked_while_a_switch_is_open(facts: DockSetup) -> None:
