@@ -49,7 +49,7 @@ STATES = {
     Phase.HAND_OVER: State(hand_over, leads_to=(Phase.CALIBRATE, Phase.DOCK, Phase.RETREAT, Phase.FAILED)),
     Phase.CALIBRATE: State(states.calibrate, leads_to=(Phase.HAND_OVER,), enter=states.begin_approach),
     Phase.DOCK: State(states.dock, leads_to=(Phase.LOCK, Phase.RETREAT), enter=states.begin_approach),
-    Phase.LOCK: State(states.lock, leads_to=(Phase.VERIFY, Phase.RETREAT), holds_lock=True),
+    Phase.LOCK: State(states.lock, leads_to=(Phase.VERIFY, Phase.DOCK, Phase.RETREAT), holds_lock=True),
     Phase.VERIFY: State(states.verify, leads_to=(Phase.DONE, Phase.TUG_TEST, Phase.RETREAT), holds_lock=True),
     Phase.TUG_TEST: State(states.tug_test, leads_to=(Phase.DONE, Phase.RETREAT), holds_lock=True),
     Phase.DONE: State(states.done, leads_to=(), holds_lock=True),

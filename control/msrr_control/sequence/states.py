@@ -135,7 +135,7 @@ def dock(c: DockingContext) -> Twist | Transition:
         if off_lateral > tuning.capture_share * c.setup.mouth or off_yaw > math.radians(tuning.capture_deg):
             return Transition.back_out(f"too far off the axis at {view}", FailureReason.OFF_AXIS)
     # On a slippery floor wheels push the target along for as long as they spin.
-    if closed and agrees:
+    if closed and agrees and not c.presses:
         return STILL
     turn = min(max(twist.w, -tuning.press_turn_radps), tuning.press_turn_radps)
     return Twist(spec.press_mps, turn)
@@ -159,10 +159,18 @@ def _held_by_doubt(monitor: CollisionMonitorState | None) -> bool:
 
 
 def lock(c: DockingContext) -> Twist | Transition:
-    """Close the lock, with the wheels at rest."""
+    """Close the lock, with the wheels at rest unless a seat switch opens then.
+
+    With its wheels at rest a unit rolls back by the backlash of its drive on a slope, or turns a little where
+    its pins are askew. It then presses on while the lock closes, which may push its target on a slippery
+    floor.
+    """
     report, memory, tuning = c.observation.lock, c.memory, c.tuning
     if memory.switches.update(not c.observation.both_closed, c.now_ns) > tuning.debounce_s:
-        return Transition.back_out("seat switches opened while the cam closed", FailureReason.NOT_LATCHED)
+        if c.presses:
+            return Transition.back_out("seat switches opened while the cam closed", FailureReason.NOT_LATCHED)
+        c.presses = True
+        return Transition(Phase.DOCK, "a seat switch opened with the wheels at rest: pressing on from now")
     # A report from before the command to close does not count.
     closed = (
         report is not None and report.stamp_ns >= memory.since_ns and report.position is LockPosition.CLOSED
@@ -172,7 +180,7 @@ def lock(c: DockingContext) -> Twist | Transition:
     longest = max(tuning.latch_s, c.setup.close_time_s + tuning.latch_margin_s)
     if memory.lasted(c.now_ns) > longest:
         return Transition.back_out(f"cam not closed in {longest:.1f} s", FailureReason.NOT_LATCHED)
-    return STILL
+    return Twist(c.spec.press_mps, 0.0) if c.presses else STILL
 
 
 def verify(c: DockingContext) -> Twist | Transition:

@@ -168,13 +168,28 @@ def test_stuck_switches_fool_only_a_robot_that_does_not_look(toy, by_sight: bool
     assert (Phase.TUG_TEST in robot.phases()) is by_sight  # it was seen to move with its lock closed
 
 
-def test_switches_that_open_again_while_the_cam_closes(toy) -> None:
+def test_a_unit_that_rolls_back_at_rest_presses_on_while_the_cam_closes(toy) -> None:
+    """By the backlash of its drive, in its first attempt and without losing it."""
     robot = toy(spec=DockingSpec(attempts=1))
-    while robot.machine.phase is not Phase.LOCK:
-        robot.step()
-    robot.X_DU = SE2(robot.X_DU.x - 0.006, 0.0, 0.0)
-    robot.blocked_until = 99
-    robot.run()
+    while not robot.machine.finished:
+        assert robot.now_ns < 60e9
+        if robot.step().phase is Phase.LOCK and robot.log[-1].twist == Twist():
+            robot.X_DU = SE2(robot.X_DU.x - 0.0003, robot.X_DU.y, robot.X_DU.yaw)
+    assert robot.phases() == [Phase.DOCK, Phase.LOCK, *STRAIGHT]
+    assert robot.machine.belief.conviction is Conviction.DOCKED
+    first_lock = next(k for k, a in enumerate(robot.log) if a.phase is Phase.LOCK)
+    again = [a for a in robot.log[first_lock:] if a.phase in (Phase.DOCK, Phase.LOCK)]
+    pressing = again[next(k for k, a in enumerate(again) if a.phase is Phase.DOCK) :]
+    assert all(a.twist.v == robot.spec.press_mps for a in pressing)
+    assert all(a.twist == Twist() for a in robot.log if a.phase in (Phase.VERIFY, Phase.DONE))
+
+
+def test_a_unit_that_is_pushed_out_of_its_seat_while_it_presses_tries_again(toy) -> None:
+    robot = toy(spec=DockingSpec(attempts=1))
+    while not robot.machine.finished:
+        assert robot.now_ns < 60e9
+        if robot.step().phase is Phase.LOCK:
+            robot.X_DU = SE2(robot.X_DU.x - 0.002, robot.X_DU.y, robot.X_DU.yaw)
     assert robot.machine.belief.setback is FailureReason.NOT_LATCHED
 
 
