@@ -54,7 +54,7 @@ def test_a_frame_takes_the_way_of_the_table(script: ModuleType, shipped: Callabl
         if event == "call" and frame.f_code in codes:
             calls.append(frame.f_code)
 
-    trial = Trial(shipped("two_units", {"time_limit_s": "13", **_NEAR}), 1)
+    trial = Trial(shipped("two_units", {"time_limit_s": "5.5", **_NEAR}), 1)
     sys.setprofile(note)
     try:
         trial.run()
@@ -66,7 +66,7 @@ def test_a_frame_takes_the_way_of_the_table(script: ModuleType, shipped: Callabl
         place = calls.index(function.__code__, place) + (function is not way[0])
 
 
-#: The unit starts just before the hand-over, so that the docking phase begins after a second.
+#: The unit starts just before the hand-over, so that the docking phase begins after 4.4 s.
 _NEAR = {"units.a.pose.x_m": "-0.1", "units.a.pose.y_m": "0.05", "units.a.pose.yaw_deg": "20"}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -69,7 +70,7 @@ def test_a_file_that_was_cut_off_anywhere_is_read_up_to_the_cut(
         record_trial(recorder, 2.0)
     content = whole.read_bytes()
     texts = [r.data for r in read_log(whole).records()]
-    head = next(i for i in range(0, len(content), 64) if _opens(tmp_path, content[:i]))
+    head = bisect_left(range(len(content)), True, key=lambda size: _opens(tmp_path, content[:size]))
     counts = []
     for size in np.linspace(head, len(content) - 1, 40).astype(int):
         (tmp_path / "cut").write_bytes(content[:size])

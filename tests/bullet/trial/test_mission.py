@@ -168,10 +168,10 @@ def test_a_mission_in_which_no_step_began_has_a_reason(line_of_three: Path) -> N
 
 
 def test_a_mission_whose_time_is_up_says_who_waits_for_whom(shipped: Load) -> None:
-    fast = {"plant": "unicycle", "perception": "parametric", "as_built": "perfect", "time_limit_s": "8"}
+    fast = {"plant": "unicycle", "perception": "parametric", "as_built": "perfect", "time_limit_s": "4.25"}
     result, _ = run(shipped("assemble_line", fast))
     assert result.outcome is Outcome.TIMEOUT
-    assert re.search(r" is over: .*\bc waits for b; .*\bunder way: .*\bf\b", result.reason), result.reason
+    assert re.search(r" is over: .*\bd waits for c; .*\bunder way: .*\bf\b", result.reason), result.reason
 
 
 def test_units_that_nobody_sees_for_a_while_go_on_when_they_are_seen_again(

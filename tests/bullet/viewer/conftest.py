@@ -201,8 +201,8 @@ def chromium(tmp_path_factory):
     started.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def browser(chromium):
-    """Chromium; the page that the last test of a file opened is left when the file ends."""
+    """Chromium; the page that a test opened is left when the test ends, for a replay takes a core to draw."""
     yield chromium
     chromium.leave()

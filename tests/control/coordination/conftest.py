@@ -238,12 +238,12 @@ class Radio:
 
     def send(self, unit: str, message: object, now_ns: int) -> None:
         self.sent += 1
-        late = self._spec.latency_ms + self._rng.uniform(0.0, 1.0) * self._spec.jitter_ms
+        late = self._spec.latency_ms + self._rng.random() * self._spec.jitter_ms
         silent = any(
             s.from_s <= now_ns * 1e-9 < s.until_s and (not s.units or unit in s.units)
             for s in self._spec.silences
         )
-        if self._rng.uniform() < self._spec.loss or silent:
+        if self._rng.random() < self._spec.loss or silent:
             self.lost += 1
             return
         heapq.heappush(self._queue, (now_ns + round(1e6 * late), next(self._count), message))
@@ -267,7 +267,6 @@ class Rig:
     dies: Mapping[str, tuple[float, bool]] = field(default_factory=dict)
     now_ns: int = 0
     last_lock_s: float = 0.0
-    least_gap: float = math.inf
     moving_s: list[float] = field(default_factory=lambda: [0.0, 0.0])  # one unit or more, two or more
     authorities: list[Authority] = field(default_factory=list)
     sight: bool = True
@@ -369,7 +368,7 @@ class Rig:
                 self.coordinator.receive(message, self.now_ns)
 
     def _seen(self, X_WU: SE2) -> SE2:
-        if self.now_ns > 1e9 * self.noisy_s:
+        if self.noise == (0.0, 0.0) or self.now_ns > 1e9 * self.noisy_s:
             return X_WU
         x, y, yaw = self._rng.normal(0.0, 1.0, 3) * [self.noise[0], self.noise[0], self.noise[1]]
         return SE2(X_WU.x + x, X_WU.y + y, X_WU.yaw + yaw)
@@ -395,21 +394,18 @@ class Rig:
                 assert unit.progress <= self._granted[unit.name, unit.route] + 1e-6 or unit.progress == 0.0, (
                     f"{unit.name} is on ground that was not granted"
                 )
-        partners = {unit.name: unit.partner for unit in units}
-        pairs = [
-            (a, b)
-            for a, b in itertools.combinations(units, 2)
-            if (a.speed > 0.0 or b.speed > 0.0) and partners[a.name] != b.name and partners[b.name] != a.name
-        ]
-        if not pairs:
+        if not moving:
             return
-        first = np.array([a.X_WU.as_array() for a, _ in pairs])
-        second = np.array([b.X_WU.as_array() for _, b in pairs])
-        close = self.setup.lanes.body.near(first, second, 0.06)
-        for k in np.flatnonzero(close).tolist():
-            gap = float(self.setup.lanes.body.gaps(first[k], second[k]))
-            self.least_gap = min(self.least_gap, gap)
-            assert gap > 0.0, f"{pairs[k][0].name} and {pairs[k][1].name} touch at {self.now_ns * 1e-9:.1f} s"
+        body = self.setup.lanes.body
+        for a, b in itertools.combinations(units, 2):
+            if a.speed == 0.0 and b.speed == 0.0:
+                continue
+            if math.hypot(a.X_WU.x - b.X_WU.x, a.X_WU.y - b.X_WU.y) > 2.0 * body.radius:
+                continue  # they cannot touch, however they are turned
+            if a.partner == b.name or b.partner == a.name:
+                continue
+            gap = body.gap(a.X_WU, b.X_WU)
+            assert gap > 0.0, f"{a.name} and {b.name} touch at {self.now_ns * 1e-9:.1f} s"
 
 
 @pytest.fixture(scope="session")

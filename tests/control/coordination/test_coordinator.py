@@ -562,8 +562,8 @@ def test_a_unit_that_was_held_often_in_one_shape_gets_another_route_in_the_next(
     rig: type[Rig], starts: Starts
 ) -> None:
     """It failed there when it was held once."""
-    line, tee = build_pattern("line", 5), build_pattern("tee", 5)
-    run = rig(Mission(line, name="line", then=Mission(tee, name="tee")), starts(1, 5))
+    line, tee = build_pattern("line", 4), build_pattern("tee", 4)
+    run = rig(Mission(line, name="line", then=Mission(tee, name="tee")), starts(1, 4))
     while run.now_ns < 400e9 and run.status.shape == "line":
         for name, unit in run.units.items():
             recalled = run.coordinator._recall._times.get(name, 0)

@@ -78,12 +78,12 @@ def test_images_prevail_over_encoders_that_fail(careful: Scene, name: str, seed:
 
 
 def test_wheels_that_slip_as_assumed_are_not_doubted(careful: Scene) -> None:
-    """Over 10 drives with 0.3 px corners and radii that are off by 1 %, no image is used without the wheels.
+    """Over 5 drives with 0.3 px corners and radii that are off by 1 %, no image is used without the wheels.
 
     At a gate of 0.9999 per tag three images in a row are outside it by chance once in 1e11 drives.
     """
     target = TargetModel.from_scene(careful, careful.docks[0])
-    for seed in range(10):
+    for seed in range(5):
         ekf = CornerEkf(target, careful.odometry, corner_sigma_px=0.3)
         drive = Drive(target, seed, SE2(-0.75, 0.05, 0.1), tags=target.port_tags, scale_error=0.01)
         while drive.tick < END:

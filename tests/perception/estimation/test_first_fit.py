@@ -76,16 +76,16 @@ def test_one_error_of_the_mount_is_one_deviation_of_the_first_pose_by_a_measured
 def test_the_first_pose_by_corners_is_as_uncertain_as_it_is_wrong(
     target: TargetModel, scene: Scene, project: Callable[..., Any], count: int
 ) -> None:
-    """Over 150 robots whose cameras are off by four times the above, and corners by 0.25 px.
+    """Over 100 robots whose cameras are off by four times the above, and corners by 0.25 px.
 
-    The mean of 150 squares of three dimensions is 3 with a deviation of 0.2; four of them are let through. A
+    The mean of 100 squares of three dimensions is 3 with a deviation of 0.24; four of them are let through. A
     fit with all as designed, from which the errors were told to first order, had 13 and more.
     """
     sigma_px, rng = 0.25, np.random.default_rng(8)
     told = replace(target, tolerances=replace(target.tolerances, camera=tuple((4.0 * MOUNT).tolist())))
     ids = target.port_tags[:count]
     squares = []
-    for _ in range(150):
+    for _ in range(100):
         built = _built(target, 4.0 * MOUNT * rng.normal(size=6))
         tags = tuple(
             replace(tag, corners=tag.corners + rng.normal(0.0, sigma_px, (4, 2)))
@@ -98,8 +98,8 @@ def test_the_first_pose_by_corners_is_as_uncertain_as_it_is_wrong(
             continue
         off = pose_error(estimate.X_DU, X_DU)
         squares.append(float(off @ np.linalg.solve(estimate.covariance, off)))
-    assert len(squares) > 140
-    assert 2.2 < np.mean(squares) < 3.8
+    assert len(squares) > 93
+    assert 2.0 < np.mean(squares) < 4.0
 
 
 def _first(target: TargetModel, scene: Scene, tags: Sequence[TagDetection]) -> PoseEstimate | None:

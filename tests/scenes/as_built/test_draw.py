@@ -21,7 +21,7 @@ from msrr_scenes.loading.load import load_scene
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
 
-SEEDS = 400
+SEEDS = 200
 
 
 def scene(as_built: str = "careful", name: str = "close_range", **changes: str) -> Scene:
