@@ -177,7 +177,7 @@ def reconfiguration_tasks(
     ports = assembly_ports(holders)
     if len(ports) != len(shape.places):
         raise SceneError(f"the assembly has {len(ports)} units, the shape {len(shape.places)}")
-    return tasks_from(ports, shape, lanes, X_WR, box, named, obstacles)[0]
+    return tasks_from(ports, shape, lanes, X_WR, box, named, obstacles, past=True)[0]
 
 
 def tasks_from(
@@ -189,6 +189,7 @@ def tasks_from(
     named: bool = False,
     obstacles: Sequence[ObstacleEstimate] = (),
     out: Mapping[str, SE2] = MappingProxyType({}),
+    past: bool = False,
 ) -> tuple[list[Task], bool]:
     """Return the tasks that lead from the places of all units to a shape, or to as much of it as is left.
 
@@ -201,6 +202,8 @@ def tasks_from(
         named: Whether the places of the shape are named by the units that have to take them.
         obstacles: Obstacles that are known.
         out: Poses of those units that are out of action, by name; they stay in their places.
+        past: Whether hops may lead past an obstacle farther before a port than a unit has to drive straight,
+            where there are no others. It may leave a way there, or none.
 
     Returns:
         The tasks, and whether they lead to the whole shape.
@@ -211,11 +214,9 @@ def tasks_from(
     start = {place: unit if named else "" for unit, place in places.items()}
     goal = whole = {place: name if named else "" for name, place in shape_ports(shape).items()}
     still = {places[unit]: X for unit, X in out.items()}
-    # Obstacles farther before a port than a unit has to drive straight may leave it a way there, or none.
-    rules = [
-        HopRules(lanes, X_WR, box, obstacles, roomy, still)
-        for roomy in ((True, False) if obstacles else (False,))
-    ]
+    rules = [HopRules(lanes, X_WR, box, obstacles, roomy=bool(obstacles), out=still)]
+    if obstacles and past:
+        rules.append(HopRules(lanes, X_WR, box, obstacles, out=still))
     if still:
         goal = _part(start, goal, rules[-1])
     hops = hops_between(start, goal, *rules)
