@@ -65,7 +65,9 @@ class Coordinator:
         self._tried_ns: int | None = None
         self._hopeless_ns: int | None = None
         self._replans = self._most_replans = 0
-        self._done: tuple[str, ...] = ()  # tasks of the shapes before
+        self._done: tuple[str, ...] = ()  # tasks of the shapes before, and of hops that others have replaced
+        # Why hops were replaced whose units do not hop any more and leave places empty, by unit and task.
+        self._undone: dict[tuple[str, str], str] = {}
         self._watch = Watch(self._patience, setup.tolerance)
         self._states = UnitStates(self._units, self._watch)
         self._set_out(mission)
@@ -132,7 +134,7 @@ class Coordinator:
             state=self._state,
             shape=self._mission.name,
             done=self._done + self._tasks.names(TaskState.DONE),
-            given_up=self._tasks.names(TaskState.GIVEN_UP),
+            given_up=(*(task for _, task in self._undone), *self._tasks.names(TaskState.GIVEN_UP)),
             units=tuple(unit.status() for unit in self._units.values()),
             replans=self._replans,
             reason=self._reason,
@@ -246,7 +248,9 @@ class Coordinator:
         units = self._units.values()
         under_way = any(unit.under_way for unit in units)
         if self._tasks.ended and not under_way:
-            failed = self._tasks.reasons
+            if self._failed and self._hop_otherwise(now_ns):
+                return
+            failed = self._failed
             if not failed and self._mission.then is not None:
                 self._done += self._tasks.names(TaskState.DONE)
                 docks = {unit.name: ".".join(unit.holder) for unit in self._units.values() if unit.holder}
@@ -269,11 +273,57 @@ class Coordinator:
                     if unit.state is UnitState.DOCKED:  # the root, to which nobody has docked
                         unit.stand(now_ns, "the shape is built elsewhere")
                 return
+            if self._hop_otherwise(now_ns):
+                return
             first = next(iter(self._tasks.ready()), self._tasks.open[0])
             why = self._dispatcher.hindrance(first, self._tasks)
             dead = ", ".join(u.name for u in self._units.values() if u.out_of_action)
             why += f"; out of action: {dead}" if dead else ""
             self._tasks.give_up(first.name, why, hopeless=True)
+
+    @property
+    def _failed(self) -> dict[str, str]:
+        """Why each task that was given up was."""
+        return {task: why for (_, task), why in self._undone.items()} | self._tasks.reasons
+
+    def _hop_otherwise(self, now_ns: int) -> bool:
+        """Replace hops that cannot be made if others lead on from here; return whether they do.
+
+        They are searched for only when an obstacle, or who can move, is another than at the search before.
+        """
+        chosen = self._siting.choose_again(self._units.values(), self._dispatcher.ends.obstacles)
+        if chosen is None:
+            return False
+        tasks, whole = chosen
+        if not tasks and not whole:
+            return False
+        self._undone = self._left_undone({str(task.unit) for task in tasks}, whole)
+        self._done += self._tasks.names(TaskState.DONE)
+        self._tasks, self._changed = TaskList(tasks), True
+        for unit in self._units.values():
+            unit.task, unit.evasions = None, 0
+        self._plan_anew(now_ns)
+        return True
+
+    def _left_undone(self, hopping: set[str], whole: bool) -> dict[tuple[str, str], str]:
+        """Return why hops are not made, by unit and task, that are replaced and leave places empty.
+
+        Args:
+            hopping: Units that hop otherwise.
+            whole: Whether all places are taken after that.
+        """
+        undone = dict(self._undone)
+        for name in self._tasks.names(TaskState.OPEN, TaskState.GIVEN_UP):
+            task = self._tasks.by_name[name]
+            why = self._tasks.reasons.get(name) or self._dispatcher.hindrance(task, self._tasks)
+            undone[str(task.unit), name] = why
+        left = {
+            (unit, name): why
+            for (unit, name), why in undone.items()
+            # Even if all places are taken: it may have opened its lock before it failed.
+            if self._units[unit].out_of_action or not (whole or unit in hopping)
+        }
+        return left or ({} if whole else undone)
 
     def _end(self, state: MissionState, reason: str) -> None:
         self._state, self._reason = state, reason

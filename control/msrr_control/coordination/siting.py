@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 from msrr_control.coordination.embedding import embedding
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.planning.free_space import EVERYWHERE
+from msrr_control.shapes.forms import beside
 from msrr_control.shapes.hop_rules import HopRules
 from msrr_control.shapes.precedence import Lanes
 from msrr_control.shapes.reconfiguration import (
@@ -17,6 +20,7 @@ from msrr_control.shapes.reconfiguration import (
     hops_between,
     reconfiguration_tasks,
     shape_ports,
+    tasks_from,
 )
 from msrr_control.shapes.shape import Shape
 from msrr_control.shapes.tasks import Task, plan_tasks, shape_tasks
@@ -27,6 +31,9 @@ from msrr_scenes.messages.coordination import UnitState
 
 #: How often a shape may be placed again.
 _MOST_MOVES = 3
+
+#: Distance by which an obstacle is seen elsewhere from which on it has moved [m].
+_MOVED_M = 0.03
 
 
 class Siting:
@@ -49,6 +56,7 @@ class Siting:
         else:
             self._tasks = shape_tasks(mission.shape, setup.lanes)
         self.chosen, self.moves = False, 0
+        self._basis: _Basis | None = None
 
     def choose(
         self, units: Iterable[UnitRecord], obstacles: tuple[ObstacleEstimate, ...]
@@ -68,6 +76,7 @@ class Siting:
         mission, shape = self._mission, self._mission.shape
         lanes, box = self._setup.lanes, self._setup.finder.box
         self.chosen, units = True, list(units)
+        self._basis = _Basis.of(units, obstacles)
         if shape is None:
             seen = {unit.name: unit.pose for unit in units if unit.X_WU is not None}
             return plan_tasks(mission.steps, mission.holders, lanes, seen), {}
@@ -100,6 +109,38 @@ class Siting:
         if found is None:
             raise SceneError("the shape and the lanes to it do not fit into the arena")
         return shape_tasks(shape, lanes, mission.named, found.X_WR), dict(found.units)
+
+    def choose_again(
+        self, units: Iterable[UnitRecord], obstacles: tuple[ObstacleEstimate, ...]
+    ) -> tuple[list[Task], bool] | None:
+        """Choose other hops by what is there now: from where all stand, by those that can move.
+
+        Args:
+            units: All units as they stand; none is under way.
+            obstacles: Obstacles.
+
+        Returns:
+            The tasks that are left, and whether they lead to the whole shape; None if what the choice rests
+            on has not changed, or there is no way.
+        """
+        units, mission, before = list(units), self._mission, self._basis
+        if not mission.holders or mission.shape is None or before is None:
+            return None
+        self._basis = _Basis.of(units, obstacles)
+        if self._basis.agrees_with(before):
+            return None
+        members = assembly_ports(mission.holders)
+        root = next(iter(members))
+        out = {unit.name: unit.pose for unit in units if unit.out_of_action and unit.X_WU is not None}
+        docks = {unit.name: ".".join(unit.docks[0]) for unit in units if unit.docks}
+        free = {unit: beside(unit) for unit in (*members, *out) if unit != root and unit not in docks}
+        X_WR = next(unit.pose for unit in units if unit.name == root)
+        lanes, box = self._setup.lanes, self._setup.finder.box
+        try:
+            places = shape_ports(Shape.from_tree({root: "root", **docks})) | free
+            return tasks_from(places, mission.shape, lanes, X_WR, box, mission.named, obstacles, out)
+        except SceneError:
+            return None
 
     def may_move(self, units: Iterable[UnitRecord]) -> bool:
         """Return whether the shape can still be built elsewhere: nobody moves, and nobody can have docked.
@@ -146,6 +187,33 @@ def check_shapes(mission: Mission, lanes: Lanes) -> None:
         if stage.named:
             units = list(goal)
         form, stage = goal, stage.then
+
+
+class _Basis(NamedTuple):
+    """What the choice of hops rests on, apart from where the units are.
+
+    Attributes:
+        out: Units that are out of action.
+        obstacles: Obstacles that are known, by their names.
+    """
+
+    out: frozenset[str]
+    obstacles: Mapping[str, SE2]
+
+    @classmethod
+    def of(cls, units: Iterable[UnitRecord], obstacles: Iterable[ObstacleEstimate]) -> _Basis:
+        """Return what is known now."""
+        out = frozenset(unit.name for unit in units if unit.out_of_action)
+        return cls(out, {obstacle.name: obstacle.X_WB for obstacle in obstacles})
+
+    def agrees_with(self, other: _Basis) -> bool:
+        """Return whether nobody has dropped out or come back, and no obstacle has come, gone or moved."""
+        if self.out != other.out or self.obstacles.keys() != other.obstacles.keys():
+            return False
+        return all(
+            math.hypot(X.x - other.obstacles[name].x, X.y - other.obstacles[name].y) < _MOVED_M
+            for name, X in self.obstacles.items()
+        )
 
 
 def _may_take_part(unit: UnitRecord) -> bool:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-#: Ports from the root to a place; the root itself is the empty path.
+#: Ports from the root to a place; the root itself is the empty path. A unit that stands free has a place of
+#: its own, see :func:`beside`.
 Ports = tuple[str, ...]
 
 #: A form that an assembly can have: every place that is taken, with the name of the unit, or an empty one
@@ -22,6 +23,16 @@ class Hop(NamedTuple):
 
 #: The form from which a search came to each form, and the hop; None for the first one.
 CameFrom = dict[Form, tuple[Form, Hop] | None]
+
+
+def beside(unit: str) -> Ports:
+    """Return the place of a unit that stands free."""
+    return ("", unit)
+
+
+def stands_free(place: Ports) -> bool:
+    """Return whether a place is that of a unit that stands free."""
+    return place[:1] == ("",)
 
 
 def after_hop(form: Form, hop: Hop, unit: str) -> Form:

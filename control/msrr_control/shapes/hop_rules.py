@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
 from msrr_control.planning.free_space import Bounds
-from msrr_control.shapes.forms import Hop, Ports
+from msrr_control.shapes.forms import Hop, Ports, stands_free
 from msrr_control.shapes.precedence import Lanes, compose
 from msrr_control.shapes.shape import LEAST_GAP_M
 from msrr_scenes.geometry.se2 import SE2
@@ -30,10 +31,13 @@ class HopRules:
     """Says which hops can be made; most of them can be made backwards, too.
 
     A unit leaves its place if it carries nobody, the way out is free and leads no farther out of the box, and
-    it enters a place of which the holder is there, the lane is free and lies in the box.
+    it enters a place of which the holder is there, the lane is free and lies in the box. One that stands free
+    is in nobody's way, for it can be sent elsewhere. One that is out of action stays where it is, and nobody
+    docks to it.
 
     Attributes:
         obstacles: Obstacles that are known.
+        out: Places of the units that are out of action.
     """
 
     def __init__(
@@ -43,6 +47,7 @@ class HopRules:
         box: Bounds,
         obstacles: Sequence[ObstacleEstimate] = (),
         roomy: bool = False,
+        out: Mapping[Ports, SE2] = MappingProxyType({}),
     ) -> None:
         """Bind the rules to the root's pose and to the space around it.
 
@@ -52,10 +57,12 @@ class HopRules:
             box: Where the axle may be and is seen: x low, x high, y low, y high [m].
             obstacles: Obstacles that are known.
             roomy: Whether they keep out of the whole lanes, and not only of where a unit drives straight.
+            out: Places of the units that are out of action, with their poses.
         """
         self._roomy = roomy
         self._lanes, self._box, self.obstacles = lanes, box, obstacles
-        self._poses: dict[Ports, SE2] = {(): X_WR}
+        self.out = frozenset(out)
+        self._poses: dict[Ports, SE2] = {(): X_WR} | {p: X for p, X in out.items() if stands_free(p)}
         self._unfit: dict[Ports, str | None] = {}
         self._shut: dict[Ports, bool] = {}
         self._pairs: dict[tuple[Ports, Ports], tuple[bool, bool]] = {}
@@ -111,6 +118,27 @@ class HopRules:
         """Return whether a unit in another place blocks the way out of a place."""
         return other != place[:-1] and self._blocks(place, other)[0]
 
+    def stuck(self, taken: Iterable[Ports]) -> set[Ports]:
+        """Return the places of the units that never hop: out of action, or kept where they are for good."""
+        found, more = set(self.out), set(self.out)
+        while more:
+            more = {
+                place
+                for place in taken
+                if place not in found
+                and not stands_free(place)
+                and (
+                    any(other[: len(place)] == place or self.holds_in(place, other) for other in found)
+                    or self._is_shut(place)
+                )
+            }
+            found |= more
+        return found
+
+    def open_to(self, place: Ports, stuck: Iterable[Ports]) -> bool:
+        """Return whether a unit can enter a place once all others that can hop are out of the way."""
+        return self._may_enter(place, set(stuck))
+
     def _is_shut(self, place: Ports) -> bool:
         """Return whether the shortest way out of a place leads farther out of the box, or at an obstacle."""
         if place not in self._shut:
@@ -123,13 +151,19 @@ class HopRules:
         return self._shut[place]
 
     def _may_leave(self, leaf: Ports, taken: Mapping[Ports, str]) -> bool:
+        if leaf in self.out or stands_free(leaf):
+            return leaf not in self.out
         return not self._is_shut(leaf) and not any(self.holds_in(leaf, p) for p in taken if p != leaf)
 
     def _may_enter(self, place: Ports, others: set[Ports]) -> bool:
+        if place[:-1] in self.out or stands_free(place):
+            return False
         return self.hindrance(place) is None and not any(self.closes(place, p) for p in others)
 
     def _blocks(self, place: Ports, other: Ports) -> tuple[bool, bool]:
         """Return whether a unit in another place blocks the way out of a place, and the way in."""
+        if any(stands_free(p) and p not in self.out for p in (place, other)):
+            return False, False
         found = self._pairs.get((place, other))
         if found is None:
             X = self.pose(place).inverse() @ self.pose(other)

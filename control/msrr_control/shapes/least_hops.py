@@ -26,7 +26,7 @@ def least_hops(form: Form, wanted: Form, closes: Callable[[Ports, Ports], bool])
 
     Args:
         form: Places that are taken, with the name of the unit, or an empty one where any unit will do.
-        wanted: The same at the end, with the same root and as many places.
+        wanted: The same at the end, with the same root and as many places, or fewer.
         closes: Whether a unit in the second place closes the lane to the first one.
     """
     missing = sorted(wanted - form, key=lambda member: (len(member[0]), member))  # parents come first
@@ -36,9 +36,10 @@ def least_hops(form: Form, wanted: Form, closes: Callable[[Ports, Ports], bool])
         return len(missing) + max([0, *(n - 1 - k for k, n in enumerate(counts))])
     place_of = {unit: place for place, unit in form}
     moves = {place_of[unit]: before[place] for place, unit in missing}
-    returns = set(chain.from_iterable(moves.values())) - set(moves)  # they leave their own places
+    returns = set(chain.from_iterable(moves.values())) - set(moves)  # they fill none of the missing places
     waits = {place: sorted(units & moves.keys()) for place, units in moves.items()}
-    return len(missing) + 2 * len(returns) + _separate_rings(waits)
+    back = returns & {place for place, _ in form & wanted}  # the others may stay where they hop to
+    return len(missing) + len(returns) + len(back) + _separate_rings(waits)
 
 
 def _hops_before(

@@ -10,7 +10,7 @@ import heapq
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 
-from msrr_control.shapes.forms import CameFrom, Hop, Ports, after_hop, hops_to
+from msrr_control.shapes.forms import CameFrom, Hop, Ports, after_hop, hops_to, stands_free
 from msrr_control.shapes.hop_rules import HopRules
 
 #: Largest number of forms that are looked at to fill one place.
@@ -47,18 +47,20 @@ class _PlaceByPlace:
 
     def __init__(self, goal: Mapping[Ports, str], rules: HopRules) -> None:
         self._goal, self._rules = goal, rules
+        #: Places in the open in which units that are out of action stay, which have no holder.
+        self._always = {place for place in goal if place in rules.out and stands_free(place)}
         # A place comes after its holder, and after all to which it closes the lane.
         self._before = {
             place: {place[:-1]} | {other for other in goal if place != other and rules.closes(other, place)}
             for place in goal
-            if place
+            if place and place not in self._always
         }
         self._closed: dict[Ports, set[Ports]] = {}  # places of the goal to which a place closes the lane
 
     def hops(self, start: Mapping[Ports, str]) -> list[Hop] | None:
         """Return hops from a form to the goal, None if they were not found."""
         form, hops = dict(start), list[Hop]()
-        settled: set[Ports] = {()}
+        settled: set[Ports] = {(), *self._always}
         while len(settled) < len(self._goal) and len(hops) <= _MOST_HOPS * len(self._goal):
             ready = [place for place, before in self._before.items() if before <= settled]
             costs = {place: self._cost(place, form, settled) for place in ready if place not in settled}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from msrr_control.planning.free_space import Bounds
 from msrr_control.shapes.forms import CameFrom, Form, Hop, Ports, after_hop, hops_to
@@ -79,7 +80,7 @@ def hops_between(start: Mapping[Ports, str], goal: Mapping[Ports, str], *rules: 
 
     Args:
         start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
-        goal: The same at the end.
+        goal: The same at the end, for all units or for some of them.
         rules: Which hops can be made; where those by the first rules lead nowhere, those by the next ones.
 
     Returns:
@@ -110,7 +111,7 @@ def _hops_or_reason(
     hops, forms = _fewest_hops(first, wanted, rules)
     if hops is None and forms <= _MOST_FORMS:
         return f"no order of leaving and docking again leads from one shape to the other{past}; name others"
-    if hops is None:
+    if hops is None and len(goal) == len(start):
         hops = place_by_place(start, goal, rules)
     if hops is None:
         return (
@@ -132,7 +133,7 @@ def _fewest_hops(first: Form, wanted: Form, rules: HopRules) -> tuple[list[Hop] 
     costs = {first: 0}
     while queue and len(costs) <= _MOST_FORMS:
         *_, cost, form = heapq.heappop(queue)
-        if form == wanted:
+        if wanted <= form:
             return hops_to(form, came), len(costs)
         if cost > costs[form]:
             continue
@@ -176,14 +177,50 @@ def reconfiguration_tasks(
     ports = assembly_ports(holders)
     if len(ports) != len(shape.places):
         raise SceneError(f"the assembly has {len(ports)} units, the shape {len(shape.places)}")
-    start = {place: unit if named else "" for unit, place in ports.items()}
-    goal = {place: name if named else "" for name, place in shape_ports(shape).items()}
-    # Obstacles farther before a port than a unit has to drive straight may leave it a way there, or none.
-    rules = [
-        HopRules(lanes, X_WR, box, obstacles, roomy) for roomy in ((True, False) if obstacles else (False,))
-    ]
+    return tasks_from(ports, shape, lanes, X_WR, box, named, obstacles, past=True)[0]
+
+
+def tasks_from(
+    places: Mapping[str, Ports],
+    shape: Shape,
+    lanes: Lanes,
+    X_WR: SE2,
+    box: Bounds,
+    named: bool = False,
+    obstacles: Sequence[ObstacleEstimate] = (),
+    out: Mapping[str, SE2] = MappingProxyType({}),
+    past: bool = False,
+) -> tuple[list[Task], bool]:
+    """Return the tasks that lead from the places of all units to a shape, or to as much of it as is left.
+
+    Args:
+        places: Place of each unit, by its name, the root's included.
+        shape: The shape.
+        lanes: Lanes of the units.
+        X_WR: Pose of the root.
+        box: Where the axle may be and is seen: x low, x high, y low, y high [m].
+        named: Whether the places of the shape are named by the units that have to take them.
+        obstacles: Obstacles that are known.
+        out: Poses of those units that are out of action, by name; they stay in their places.
+        past: Whether hops may lead past an obstacle farther before a port than a unit has to drive straight,
+            where there are no others. It may leave a way there, or none.
+
+    Returns:
+        The tasks, and whether they lead to the whole shape.
+
+    Raises:
+        SceneError: There is no way.
+    """
+    start = {place: unit if named else "" for unit, place in places.items()}
+    goal = whole = {place: name if named else "" for name, place in shape_ports(shape).items()}
+    still = {places[unit]: X for unit, X in out.items()}
+    rules = [HopRules(lanes, X_WR, box, obstacles, roomy=bool(obstacles), out=still)]
+    if obstacles and past:
+        rules.append(HopRules(lanes, X_WR, box, obstacles, out=still))
+    if still:
+        goal = _part(start, goal, rules[-1])
     hops = hops_between(start, goal, *rules)
-    unit_at = {place: unit for unit, place in ports.items()}
+    unit_at = {place: unit for unit, place in places.items()}
     task_of: dict[str, str] = {}  # the task that brings a unit to where it is by then
     visits: dict[str, int] = {}
     tasks: list[Task] = []
@@ -208,4 +245,28 @@ def reconfiguration_tasks(
         )
         unit_at[enters] = unit
         task_of[unit] = name
-    return tasks
+    return tasks, whole.items() <= goal.items()
+
+
+def _part(start: Mapping[Ports, str], goal: Mapping[Ports, str], rules: HopRules) -> dict[Ports, str]:
+    """Return the part of a shape that can be filled although some units are out of action.
+
+    Places that are taken already come first, so that no unit hops from one place of the part to another.
+
+    Args:
+        start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
+        goal: The same for the whole shape, each place after its holder.
+        rules: Which hops can be made.
+    """
+    stuck = rules.stuck(start)
+    part = {place: start[place] for place in stuck}
+    left = [unit for place, unit in start.items() if place not in stuck]
+    for place in sorted(goal, key=lambda place: place not in start):
+        unit = goal[place]
+        held = not place or place[:-1] in part
+        if place in part or unit not in left or not held:
+            continue
+        if start.get(place) == unit or rules.open_to(place, stuck):
+            part[place] = unit
+            left.remove(unit)
+    return part

@@ -25,7 +25,7 @@ from msrr_control.shapes.shape import Shape
 from msrr_control.tracks.authority import MovementAuthority
 from msrr_control.tracks.track import Track, track_of
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import GlobalPose
+from msrr_scenes.messages import GlobalPose, ObstacleEstimate
 from msrr_scenes.messages.coordination import (
     Authority,
     LegKind,
@@ -270,6 +270,7 @@ class Rig:
     moving_s: list[float] = field(default_factory=lambda: [0.0, 0.0])  # one unit or more, two or more
     authorities: list[Authority] = field(default_factory=list)
     sight: bool = True
+    obstacles: tuple[ObstacleEstimate, ...] = ()  # that are seen, and that units do not know of
     noise: tuple[float, float] = (0.0, 0.0)  # of the overhead estimates [m], [rad]
     noisy_s: float = math.inf  # time after which they have settled
 
@@ -336,7 +337,7 @@ class Rig:
         while self._sights and self._sights[0][0] <= self.now_ns - CAMERA_NS:
             bodies = self._sights.pop(0)[1]
             if self.sight or self.now_ns < 1_000_000_000:
-                self.coordinator.observe(bodies, self.now_ns)
+                self.coordinator.observe(bodies, self.now_ns, self.obstacles)
                 self._judge_knowledge()
         for message in self.coordinator.step(self.now_ns):
             key = (message.unit, message.route)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from msrr_control.coordination.setup import CoordinationSetup
-from msrr_control.shapes.forms import Form, Hop, Ports, after_hop
+from msrr_control.shapes.forms import Form, Hop, Ports, after_hop, beside
 from msrr_control.shapes.hop_rules import LEAST_WAY_OUT_M, HopRules
 from msrr_control.shapes.least_hops import least_hops
 from msrr_control.shapes.place_by_place import place_by_place
@@ -21,6 +21,7 @@ from msrr_control.shapes.reconfiguration import (
     hops_between,
     reconfiguration_tasks,
     shape_ports,
+    tasks_from,
 )
 from msrr_control.shapes.shape import LEAST_GAP_M, Shape, build_pattern
 from msrr_scenes.errors import SceneError
@@ -350,3 +351,35 @@ def test_what_cannot_be_is_refused(setup: CoordinationSetup) -> None:
     ):  # there is no way past
         reconfiguration_tasks(holders, turned, setup.lanes, SE2(), narrow, named=True)
     assert reconfiguration_tasks(holders, turned, setup.lanes, SE2(), WIDE, named=True)
+
+
+def test_units_out_of_action_stay_and_all_others_fill_what_can_be_filled(setup: CoordinationSetup) -> None:
+    """One of a fork is out of action, in its port or in the open, or stands free and hops from there."""
+    rng, names = random.Random(1), "abcdefg"
+    holders = {"b": "a.rear", "c": "b.rear", "d": "a.left", "e": "a.right", "f": "d.rear", "g": "e.rear"}
+    ports, line = assembly_ports(holders), build_pattern("line", 7)
+    filled: list[int] = []
+    for _ in range(24):
+        unit, places = rng.choice("bcfg"), dict(ports)
+        leaves = not any(holder.startswith(f"{unit}.") for holder in holders.values())
+        if leaves and rng.random() < 0.7:
+            places[unit] = beside(unit)
+        X_WU = SE2(rng.uniform(-2.0, 1.0), rng.uniform(-2.0, 2.0), rng.uniform(-3.0, 3.0))
+        out = {} if places[unit] == beside(unit) and rng.random() < 0.4 else {unit: X_WU}
+        tasks, whole = tasks_from(places, line, setup.lanes, SE2(), WIDE, out=out)
+        now, unit_of = {u: p for u, p in places.items() if p}, {task.name: task.unit for task in tasks}
+        for task in tasks:
+            hopping, holder = str(task.unit), str(task.parent_unit or unit_of[str(task.parent)])
+            assert hopping not in out
+            assert holder not in out
+            at = now.pop(hopping)
+            assert not any(place[: len(at)] == at for place in now.values()), "it carries another unit"
+            now[hopping] = (*now.get(holder, ()), task.port)
+            X = HopRules(setup.lanes, SE2(), WIDE).pose(now[hopping])
+            if places[unit] == beside(unit) and out:
+                assert not setup.lanes.closed_by(X, X_WU)
+        goal = set(shape_ports(line).values()) - {()}
+        assert whole == (set(now.values()) >= goal)
+        assert whole or out
+        filled.append(len(goal & set(now.values())))
+    assert set(filled) >= {len(names) - 2, len(names) - 1}

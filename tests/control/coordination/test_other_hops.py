@@ -1,0 +1,125 @@
+"""Hops that cannot be made give way to others: by those that can move, past the obstacles known now."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from msrr_control.coordination import siting
+from msrr_control.coordination.mission import Mission
+from msrr_control.shapes.reconfiguration import tasks_from
+from msrr_control.shapes.shape import Shape, build_pattern
+from msrr_control.shapes.tasks import Task
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import ObstacleEstimate
+from msrr_scenes.messages.coordination import MissionState
+
+Rig = Any
+
+#: A fork that becomes a line: e docks to b, d to e and c to d.
+FORK = {"b": "a.rear", "c": "a.left", "d": "a.right", "e": "c.rear"}
+#: b and c change places, and b steps aside to the rear of d.
+SWAP = {"b": "a.left", "c": "a.right", "d": "a.rear"}
+SWAPPED = Shape.from_tree({"a": "root", "d": "a.rear", "c": "a.left", "b": "a.right"})
+
+
+@pytest.fixture
+def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The number of tasks that each new search has found."""
+    found: list[int] = []
+
+    def counted(*args: Any) -> tuple[list[Task], bool]:
+        found.append(0)
+        tasks, whole = tasks_from(*args)
+        found[-1] = len(tasks)
+        return tasks, whole
+
+    monkeypatch.setattr(siting, "tasks_from", counted)
+    return found
+
+
+def _assembled(rig: type[Rig], holders: dict[str, str], shape: Shape, named: bool = False) -> Rig:
+    body = rig(Mission(), {}).setup.lanes.body
+    starts = Shape.from_tree({"a": "root", **holders}).poses(SE2(0.7, 0.0, 0.0), body)
+    return rig(Mission(shape=shape, holders=holders, named=named), starts)
+
+
+def _run_until(run: Rig, happened: Callable[[], bool]) -> None:
+    while not happened():
+        assert run.now_ns < 100e9
+        run.step()
+
+
+def _post(X_WB: SE2) -> ObstacleEstimate:
+    return ObstacleEstimate("post", 0, X_WB, np.eye(3), 0.05)
+
+
+def test_a_port_before_which_an_obstacle_appears_is_not_stepped_aside_to(
+    rig: type[Rig], searches: list[int]
+) -> None:
+    """The unit was led back, and its next hop was given up, for which it had no need to dock there."""
+    run = _assembled(rig, SWAP, SWAPPED, named=True)
+    _run_until(run, lambda: run.units["b"].holder is None)
+    run.obstacles = (_post(run.units["d"].X_WU @ SE2(-0.65, 0.0, 0.0)),)
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.joints == {"d": "a.rear", "c": "a.left", "b": "a.right"}
+    assert sorted(status.done) == ["b to a.right", "c to a.left"]
+    assert searches == [2]
+
+
+def test_hops_are_searched_for_once_where_what_they_rest_on_changes_once(
+    rig: type[Rig], searches: list[int]
+) -> None:
+    """Not at all where no hop is in the way of what has changed; and no way is no reason to search on."""
+    run = _assembled(rig, SWAP, SWAPPED, named=True)
+    _run_until(run, lambda: run.units["b"].holder is None)
+    run.obstacles = (_post(SE2(-1.7, 1.2)),)
+    assert run.run().state is MissionState.COMPLETE
+    assert searches == []
+    run = _assembled(rig, SWAP, SWAPPED, named=True)
+    run.obstacles = (_post(SE2(-1.7, 1.2)),)
+    run.units["b"].dead_s = 0.0
+    status = run.run()
+    assert status.state is MissionState.INCOMPLETE
+    assert "b failed" in status.reason or "b has failed: seized" in status.reason
+    assert searches == [0]
+    assert run.now_ns < 30e9
+
+
+@pytest.mark.parametrize("in_port", [True, False])
+def test_others_hop_to_where_one_that_has_failed_was_to_be(
+    in_port: bool, rig: type[Rig], searches: list[int]
+) -> None:
+    """All other hops were given up with the first one, which they were to come after."""
+    line = build_pattern("line", 5)
+    run = _assembled(rig, FORK, line)
+    if not in_port:
+        _run_until(run, lambda: run.units["e"].holder is None)
+    run.units["e"].dead_s = 1e-9 * run.now_ns
+    status = run.run()
+    assert status.state is MissionState.INCOMPLETE
+    assert "seized" in status.reason
+    # In its port it keeps its carrier there; outside it stands in the way of that one.
+    assert status.given_up == ("e to b.rear", "c to e.rear")
+    assert status.done == ("d to b.rear",)
+    assert searches == [1]
+
+
+def test_one_that_is_found_again_hops_after_all(rig: type[Rig], searches: list[int]) -> None:
+    """The others have begun to fill the places of the line without it."""
+    line = build_pattern("line", 5)
+    run = _assembled(rig, FORK, line)
+    _run_until(run, lambda: run.units["e"].progress > 1.0)
+    run.units["e"].hidden_s = (1e-9 * run.now_ns, math.inf)
+    _run_until(run, lambda: searches == [2])
+    run.units["e"].hidden_s = (0.0, 0.0)
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.is_built(line)
+    assert status.given_up == ()
+    assert searches == [2, 1]
