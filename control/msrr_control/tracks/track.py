@@ -67,9 +67,9 @@ class Track:
 
     def at(self, s: float) -> SE2:
         """Return the pose at arc length ``s`` [m], between samples by interpolation."""
-        k = int(np.clip(np.searchsorted(self.s, s) - 1, 0, max(len(self.s) - 2, 0)))
         if len(self.s) == 1:
             return self.end
+        k = min(max(int(np.searchsorted(self.s, s)) - 1, 0), len(self.s) - 2)
         a, b = self.poses[k].tolist(), self.poses[k + 1].tolist()
         span = float(self.s[k + 1] - self.s[k])
         share = min(max((s - float(self.s[k])) / span, 0.0), 1.0) if span > 0.0 else 1.0
