@@ -16,6 +16,8 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Belief, FailureReason, Phase, PoseEstimate, Twist, seconds
 from msrr_scenes.specs.control import DockingSpec
 
+STILL = Twist()
+
 #: Standard deviations of the side by which the next attempt aims elsewhere after pins have jammed.
 _ASIDE = 2.0
 

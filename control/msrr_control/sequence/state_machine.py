@@ -13,8 +13,8 @@ from typing import NamedTuple
 from msrr_control.docking.controller import Controller
 from msrr_control.docking.law import DockSetup
 from msrr_control.kinematics.elementwise import limit
-from msrr_control.sequence import states
-from msrr_control.sequence.context import DockingContext, StateMemory, Transition
+from msrr_control.sequence import states, verification
+from msrr_control.sequence.context import STILL, DockingContext, StateMemory, Transition
 from msrr_control.sequence.hand_over import hand_over
 from msrr_control.sequence.observation import Assembler, Observation
 from msrr_control.sequence.tuning import PhaseTuning
@@ -50,9 +50,11 @@ STATES = {
     Phase.CALIBRATE: State(states.calibrate, leads_to=(Phase.HAND_OVER,), enter=states.begin_approach),
     Phase.DOCK: State(states.dock, leads_to=(Phase.LOCK, Phase.RETREAT), enter=states.begin_approach),
     Phase.LOCK: State(states.lock, leads_to=(Phase.VERIFY, Phase.DOCK, Phase.RETREAT), holds_lock=True),
-    Phase.VERIFY: State(states.verify, leads_to=(Phase.DONE, Phase.TUG_TEST, Phase.RETREAT), holds_lock=True),
-    Phase.TUG_TEST: State(states.tug_test, leads_to=(Phase.DONE, Phase.RETREAT), holds_lock=True),
-    Phase.DONE: State(states.done, leads_to=(), holds_lock=True),
+    Phase.VERIFY: State(
+        verification.verify, leads_to=(Phase.DONE, Phase.TUG_TEST, Phase.RETREAT), holds_lock=True
+    ),
+    Phase.TUG_TEST: State(verification.tug_test, leads_to=(Phase.DONE, Phase.RETREAT), holds_lock=True),
+    Phase.DONE: State(verification.done, leads_to=(), holds_lock=True),
     Phase.RETREAT: State(
         states.retreat, leads_to=(Phase.HAND_OVER, Phase.ASSEMBLE, Phase.DONE, Phase.FAILED)
     ),
@@ -144,7 +146,7 @@ class PhaseMachine:
         """
         context = self._context
         context.observe(observation)
-        twist = states.STILL
+        twist = STILL
         for _ in STATES:  # a phase with nothing to do is passed in the same instant; none comes twice
             state = STATES[self._phase]
             if not self._entered:

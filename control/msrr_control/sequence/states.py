@@ -1,7 +1,7 @@
-"""What the docking unit does in each phase.
+"""What the docking unit does on its way to the port, in it until its lock has closed, and away from it.
 
 Each function stands for one phase: it returns a twist to stay in the phase, or a :class:`Transition` to
-another. :mod:`msrr_control.sequence.state_machine` has the table of phases.
+another. :mod:`msrr_control.sequence.state_machine` has the table of all phases.
 """
 
 from __future__ import annotations
@@ -10,23 +10,17 @@ import math
 
 from msrr_control.docking.controller import promised_speed
 from msrr_control.sequence.calibration_drive import calibration_twist
-from msrr_control.sequence.context import DockingContext, Transition
+from msrr_control.sequence.context import STILL, DockingContext, Transition
 from msrr_control.sequence.evidence import (
-    Loosened,
     in_seat_range,
     lock_is_open,
-    loosened,
     not_parted,
     not_undocked,
-    off_seat,
-    shortest_seen,
     with_doubt,
 )
 from msrr_control.sequence.observation import GiveUp
 from msrr_scenes.messages import (
-    Belief,
     CollisionMonitorState,
-    Conviction,
     FailureReason,
     LockPosition,
     MonitorState,
@@ -35,15 +29,9 @@ from msrr_scenes.messages import (
 )
 from msrr_scenes.wording import counted
 
-STILL = Twist()
-
 #: Share of the pins' length: at a smaller gap the pins are in the holes, and where the unit is to the side is
 #: no matter of sight, which goes wrong there with wheels that spin while the unit stands.
 _IN_HOLES = 0.5
-
-#: Share of the speed of a tug at which the wheels are at rest again: a drive may lag by half a second. Share
-#: of its way by which a unit is seen to move that is not held: backlash may take up half of the way.
-_AT_REST, _MOVED = 0.1, 1.0 / 3.0
 
 #: Clearance beyond which a body stops no unit that knows where it is [m]: units stop within a tenth of that,
 #: and no place is as uncertain that somebody has seen in the last seconds.
@@ -181,96 +169,6 @@ def lock(c: DockingContext) -> Twist | Transition:
     if memory.lasted(c.now_ns) > longest:
         return Transition.back_out(f"cam not closed in {longest:.1f} s", FailureReason.NOT_LATCHED)
     return Twist(c.spec.press_mps, 0.0) if c.presses else STILL
-
-
-def verify(c: DockingContext) -> Twist | Transition:
-    """Compare what is seen with the view of a seated unit; lock and switches have to agree as well.
-
-    Sight that alone disagrees may be wrong itself, and sight that would not show pins half out of the holes
-    tells little: then a tug test decides.
-    """
-    check, tuning, view = c.spec.verify, c.tuning, c.view
-    against = loosened(c)
-    if against is not None:
-        return Transition.back_out(against.reason, FailureReason.NOT_VERIFIED)
-    closed = c.observation.both_closed
-    if closed and not check.by_sight:
-        return Transition(Phase.DONE, "seat switches and cam closed")
-    if view is not None and check.by_sight:
-        enough = c.memory.frames_in_a_row(view.last_seen_ns, off_seat(c, view) is None) >= tuning.frames
-        if closed and enough:
-            short = shortest_seen(c, view)
-            reason = f"locked, and seen seated at {view}; a gap of {1e3 * short:.1f} mm would have been seen"
-            tug = check.tug_m > 0.0 and short > _IN_HOLES * c.setup.pin_reach
-            return Transition(Phase.TUG_TEST if tug else Phase.DONE, reason)
-    if c.memory.lasted(c.now_ns) > check.time_s:
-        seen = "not seen" if view is None else f"seen at {view}"
-        off = None if view is None else off_seat(c, view)
-        if off is not None and closed:
-            seen += f": {off}"
-            if check.tug_m:
-                return Transition(Phase.TUG_TEST, f"locked, but {seen}")
-            seen += ". The seat is false, or camera or marker are off by more than their tolerances"
-        elif view is not None and closed:
-            frames = f"{c.memory.frames} of the {tuning.frames} frames"
-            seen += f" in {frames} for which docking.verify.time_s = {check.time_s:g} has to be enough"
-        return Transition.back_out(f"locked, but {seen}", FailureReason.NOT_VERIFIED)
-    return STILL
-
-
-def tug_test(c: DockingContext) -> Twist | Transition:
-    """Drive backwards with the lock closed, then compare what is seen with what was seen before.
-
-    Whatever error of camera, marker or map let a seated unit be seen off its seat is in both views alike, so
-    that only a unit that is not held is seen to move.
-    """
-    check, tuning, memory, view = c.spec.verify, c.tuning, c.memory, c.view
-    against = loosened(c)
-    if against is not None or view is None:
-        seen = "the target is not seen" if against is None else against.reason
-        return Transition.back_out(f"{seen} in a tug test", FailureReason.NOT_VERIFIED)
-    if memory.before is None:
-        memory.before = view
-    speed, passed, twist = c.spec.press_mps, c.observation.passed, c.observation.twist
-    late = memory.lasted(c.now_ns) > check.tug_m / speed + tuning.retreat_margin_s + check.time_s
-    if memory.tugged < check.tug_m:
-        if late:
-            reason = f"locked, but there was no room for a tug test{c.observation.held}"
-            return Transition.back_out(reason, FailureReason.NOT_VERIFIED)
-        memory.tugged += c.dt * (speed if passed is None else -passed.v)
-        return Twist(-speed, 0.0)
-    rested_s = memory.arrived.update(abs(twist.v) < _AT_REST * speed, c.now_ns)
-    moved = view.gap - memory.before.gap
-    held = rested_s - view.age > tuning.settle_s and moved < _MOVED * check.tug_m
-    if memory.frames_in_a_row(view.last_seen_ns, held) >= tuning.frames:
-        c.seat = view
-        return Transition(Phase.DONE, f"locked, and held in a tug test; seen at {view}")
-    if late or rested_s > tuning.settle_s + check.time_s:
-        reason = f"locked, but seen to move by {1e3 * moved:.1f} mm in a tug test"
-        if moved < _MOVED * check.tug_m:
-            frames = f"{memory.frames} of the {tuning.frames} frames"
-            reason = f"locked, but seen in {frames} that a tug test takes"
-        return Transition.back_out(reason, FailureReason.NOT_VERIFIED)
-    return STILL
-
-
-def done(c: DockingContext) -> Twist | Transition:
-    """Stand still, and believe that the unit is docked for as long as lock, switches and sight agree.
-
-    A belief that is lost does not come back by itself. The lock is still commanded to be closed: to open it
-    would end a hold that may be good.
-    """
-    if c.belief.conviction is not Conviction.DOCKED:
-        return STILL
-    against, view = loosened(c), c.view
-    if against is None and view is not None and c.spec.verify.by_sight:
-        off = off_seat(c, view) is not None
-        if c.memory.frames_in_a_row(view.last_seen_ns, off) >= c.tuning.frames:
-            against = Loosened(FailureReason.UNSEATED, f"seen off its seat at {view}")
-    if against is not None:
-        reason = f"no longer docked: {against.reason}"
-        c.belief = Belief(Conviction.UNDECIDED, against.failure, reason)
-    return STILL
 
 
 def retreat(c: DockingContext) -> Twist | Transition:

@@ -29,8 +29,8 @@ from msrr_control.path_following.law import PathFollowingLaw, State
 from msrr_control.planning.lane import in_lane
 from msrr_control.planning.route import ArenaMap, Route
 from msrr_control.planning.route_planner import RoutePlanner
+from msrr_control.sequence.context import STILL
 from msrr_control.sequence.observation import GiveUp, Observation
-from msrr_control.sequence.states import STILL
 from msrr_control.staging.manoeuvres import StraightDrive, spot_turn
 from msrr_control.staging.parameters import RouteFollowingParams
 from msrr_control.staging.route_follower import RouteFollower, shown_path
