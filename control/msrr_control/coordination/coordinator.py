@@ -317,11 +317,12 @@ class Coordinator:
             task = self._tasks.by_name[name]
             why = self._tasks.reasons.get(name) or self._dispatcher.hindrance(task, self._tasks)
             undone[str(task.unit), name] = why
+        # One in a port even if all places are taken: it may have opened its lock before it failed.
+        out = {u.name for u in self._units.values() if u.out_of_action and (u.docks or not whole)}
         left = {
             (unit, name): why
             for (unit, name), why in undone.items()
-            # Even if all places are taken: it may have opened its lock before it failed.
-            if self._units[unit].out_of_action or not (whole or unit in hopping)
+            if unit in out or not (whole or unit in hopping)
         }
         return left or ({} if whole else undone)
 

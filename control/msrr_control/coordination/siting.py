@@ -76,7 +76,8 @@ class Siting:
         mission, shape = self._mission, self._mission.shape
         lanes, box = self._setup.lanes, self._setup.finder.box
         self.chosen, units = True, list(units)
-        self._basis = _Basis.of(units, obstacles)
+        # The first hops are chosen as if everybody could make them.
+        self._basis = _Basis.of(() if mission.holders else units, obstacles)
         if shape is None:
             seen = {unit.name: unit.pose for unit in units if unit.X_WU is not None}
             return plan_tasks(mission.steps, mission.holders, lanes, seen), {}
@@ -115,6 +116,8 @@ class Siting:
     ) -> tuple[list[Task], bool] | None:
         """Choose other hops by what is there now: from where all stand, by those that can move.
 
+        Units that stand free beside the assembly take the places for which it has too few, the nearest first.
+
         Args:
             units: All units as they stand; none is under way.
             obstacles: Obstacles.
@@ -129,12 +132,13 @@ class Siting:
         self._basis = _Basis.of(units, obstacles)
         if self._basis.agrees_with(before):
             return None
-        members = assembly_ports(mission.holders)
-        root = next(iter(members))
+        root = next(iter(assembly_ports(mission.holders)))
         out = {unit.name: unit.pose for unit in units if unit.out_of_action and unit.X_WU is not None}
         docks = {unit.name: ".".join(unit.docks[0]) for unit in units if unit.docks}
-        free = {unit: beside(unit) for unit in (*members, *out) if unit != root and unit not in docks}
         X_WR = next(unit.pose for unit in units if unit.name == root)
+        loose = [unit for unit in units if unit.X_WU is not None and unit.name not in (root, *docks)]
+        loose.sort(key=lambda unit: math.hypot(unit.pose.x - X_WR.x, unit.pose.y - X_WR.y))
+        free = {unit.name: beside(unit.name) for unit in loose}
         lanes, box = self._setup.lanes, self._setup.finder.box
         try:
             places = shape_ports(Shape.from_tree({root: "root", **docks})) | free

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
 
 from msrr_control.planning.free_space import Bounds
-from msrr_control.shapes.forms import CameFrom, Form, Hop, Ports, after_hop, hops_to
+from msrr_control.shapes.forms import CameFrom, Form, Hop, Ports, after_hop, hops_to, stands_free
 from msrr_control.shapes.hop_rules import HopRules
 from msrr_control.shapes.least_hops import least_hops
 from msrr_control.shapes.place_by_place import place_by_place
@@ -194,7 +194,8 @@ def tasks_from(
     """Return the tasks that lead from the places of all units to a shape, or to as much of it as is left.
 
     Args:
-        places: Place of each unit, by its name, the root's included.
+        places: Place of each unit, by its name, the root's included. Of those that stand free the first ones
+            are taken where there are more than places for them.
         shape: The shape.
         lanes: Lanes of the units.
         X_WR: Pose of the root.
@@ -206,7 +207,7 @@ def tasks_from(
             where there are no others. It may leave a way there, or none.
 
     Returns:
-        The tasks, and whether they lead to the whole shape.
+        The tasks, and whether they lead to the whole shape, without a unit beside it that is locked to it.
 
     Raises:
         SceneError: There is no way.
@@ -217,8 +218,10 @@ def tasks_from(
     rules = [HopRules(lanes, X_WR, box, obstacles, roomy=bool(obstacles), out=still)]
     if obstacles and past:
         rules.append(HopRules(lanes, X_WR, box, obstacles, out=still))
+    stuck = rules[-1].stuck(start)
+    start = _without_spares(start, goal, stuck)
     if still:
-        goal = _part(start, goal, rules[-1])
+        goal = _part(start, goal, rules[-1], stuck)
     hops = hops_between(start, goal, *rules)
     unit_at = {place: unit for unit, place in places.items()}
     task_of: dict[str, str] = {}  # the task that brings a unit to where it is by then
@@ -245,10 +248,32 @@ def tasks_from(
         )
         unit_at[enters] = unit
         task_of[unit] = name
-    return tasks, whole.items() <= goal.items()
+    return tasks, whole.items() <= goal.items() and all(p in whole or stands_free(p) for p in stuck)
 
 
-def _part(start: Mapping[Ports, str], goal: Mapping[Ports, str], rules: HopRules) -> dict[Ports, str]:
+def _without_spares(
+    start: Mapping[Ports, str], goal: Mapping[Ports, str], stuck: Collection[Ports]
+) -> dict[Ports, str]:
+    """Return the places that are taken without those of units that stand free and are not needed.
+
+    A hop of one of these would save no hop of another unit, but might leave it in a port beside the shape.
+
+    Args:
+        start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
+        goal: The same for the whole shape.
+        stuck: Places of the units that never hop.
+    """
+    free = [place for place in start if stands_free(place) and place not in stuck]
+    if any(goal.values()):
+        return {place: unit for place, unit in start.items() if place not in free or unit in goal.values()}
+    others = [place for place in start if place not in free and (place not in stuck or place in goal)]
+    spare = free[max(len(goal) - len(others), 0) :]
+    return {place: unit for place, unit in start.items() if place not in spare}
+
+
+def _part(
+    start: Mapping[Ports, str], goal: Mapping[Ports, str], rules: HopRules, stuck: Collection[Ports]
+) -> dict[Ports, str]:
     """Return the part of a shape that can be filled although some units are out of action.
 
     Places that are taken already come first, so that no unit hops from one place of the part to another.
@@ -257,8 +282,8 @@ def _part(start: Mapping[Ports, str], goal: Mapping[Ports, str], rules: HopRules
         start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
         goal: The same for the whole shape, each place after its holder.
         rules: Which hops can be made.
+        stuck: Places of the units that never hop.
     """
-    stuck = rules.stuck(start)
     part = {place: start[place] for place in stuck}
     left = [unit for place, unit in start.items() if place not in stuck]
     for place in sorted(goal, key=lambda place: place not in start):

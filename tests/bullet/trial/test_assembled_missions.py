@@ -164,6 +164,21 @@ def test_shapes_follow_each_other(run: Run) -> None:
     assert result.mission.done == ("c to b.left", "c to b.rear")
 
 
+def test_a_spare_unit_hops_where_the_drive_of_another_one_has_seized(run: Run) -> None:
+    """It stood by, and the mission ended as incomplete."""
+    spare = {"units.d": "{number: 3, pose: {x_m: -0.2, y_m: 1.1}}"}
+    faults = {"faults": "[{kind: unit_seized, unit: c, from_s: 6}]"}
+    result = run("{zigzag: 3}", {**FAST, **spare, **faults}, key="shape")
+    assert result.outcome is Outcome.COMPLETE, result.reason
+    assert [(step.unit, step.target, step.outcome) for step in result.steps] == [
+        ("c", "b.rear", Outcome.UNDOCKED),
+        ("c", "b.left", Outcome.GAVE_UP),
+        ("d", "b.left", Outcome.DOCKED),
+    ]
+    assert result.mission is not None
+    assert (result.mission.done, result.mission.given_up) == (("d to b.left",), ())
+
+
 @pytest.mark.nightly
 def test_a_line_becomes_a_tee_and_a_line_again(shipped: Callable[..., Scene]) -> None:
     result = Trial(shipped("reconfigure", blind=True), 1).run(300.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from msrr_control.coordination import siting
 from msrr_control.coordination.mission import Mission
-from msrr_control.shapes.reconfiguration import tasks_from
+from msrr_control.shapes.reconfiguration import assembly_ports, shape_ports, tasks_from
 from msrr_control.shapes.shape import Shape, build_pattern
 from msrr_control.shapes.tasks import Task
 from msrr_scenes.geometry.se2 import SE2
@@ -42,10 +43,16 @@ def searches(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return found
 
 
-def _assembled(rig: type[Rig], holders: dict[str, str], shape: Shape, named: bool = False) -> Rig:
+#: Where spare units stand free.
+NEAR, FAR = SE2(0.0, 1.2, 0.0), SE2(-1.4, -1.1, 0.0)
+
+
+def _assembled(
+    rig: type[Rig], holders: dict[str, str], shape: Shape, named: bool = False, **spares: SE2
+) -> Rig:
     body = rig(Mission(), {}).setup.lanes.body
     starts = Shape.from_tree({"a": "root", **holders}).poses(SE2(0.7, 0.0, 0.0), body)
-    return rig(Mission(shape=shape, holders=holders, named=named), starts)
+    return rig(Mission(shape=shape, holders=holders, named=named), starts | spares)
 
 
 def _run_until(run: Rig, happened: Callable[[], bool]) -> None:
@@ -123,3 +130,71 @@ def test_one_that_is_found_again_hops_after_all(rig: type[Rig], searches: list[i
     assert run.is_built(line)
     assert status.given_up == ()
     assert searches == [2, 1]
+
+
+def test_a_spare_unit_takes_the_place_of_one_that_has_failed(rig: type[Rig], searches: list[int]) -> None:
+    """The nearest one; they were left where they stood, and the mission ended as incomplete."""
+    line = build_pattern("line", 5)
+    run = _assembled(rig, FORK, line, far=FAR, near=NEAR)
+    _run_until(run, lambda: run.units["e"].progress > 1.0)
+    run.units["e"].dead_s = 1e-9 * run.now_ns
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.is_built(line)
+    assert run.joints.keys() == {"b", "c", "d", "near"}
+    assert run.units["far"].X_WU == FAR
+    assert status.given_up == ()
+    assert searches == [3]
+
+
+def test_so_does_the_next_one_where_the_first_one_fails_too(rig: type[Rig], searches: list[int]) -> None:
+    line = build_pattern("line", 5)
+    run = _assembled(rig, FORK, line, far=FAR, near=NEAR)
+    _run_until(run, lambda: run.units["e"].progress > 1.0)
+    run.units["e"].dead_s = 1e-9 * run.now_ns
+    _run_until(run, lambda: run.units["near"].progress > 0.2)
+    run.units["near"].dead_s = 1e-9 * run.now_ns
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.is_built(line)
+    assert "far" in run.joints
+
+
+def test_a_spare_fills_a_place_where_one_that_failed_stays_in_a_port_beside_the_shape(rig: type[Rig]) -> None:
+    """All places are taken, and it is locked to the shape, so that the mission is not complete."""
+    line = build_pattern("line", 5)
+    run = _assembled(rig, FORK, line, near=NEAR)
+    run.units["d"].dead_s = 0.0
+    status = run.run()
+    assert status.state is MissionState.INCOMPLETE
+    assert "seized" in status.reason
+    rears = {unit for unit, port in run.joints.items() if port.endswith(".rear")}
+    assert rears == {"b", "c", "e", "near"}
+    assert run.joints["d"] == "a.right"
+
+
+def test_places_with_names_are_nobody_elses(rig: type[Rig]) -> None:
+    run = _assembled(rig, SWAP, SWAPPED, named=True, near=NEAR)
+    _run_until(run, lambda: run.units["b"].holder is None)
+    run.units["b"].dead_s = 1e-9 * run.now_ns
+    assert run.run().state is MissionState.INCOMPLETE
+    assert run.units["near"].X_WU == NEAR
+
+
+def test_spares_also_take_the_place_of_a_unit_that_has_to_carry_one_that_has_failed(rig: type[Rig]) -> None:
+    """It has failed in its port before the next shape, to which the hops are chosen as if it could leave."""
+    line, side = build_pattern("line", 4), {"b": "a.left", "c": "a.right", "d": "c.right"}
+    start = {"b": "a.rear", "c": "a.left", "d": "a.right"}
+    run = _assembled(rig, start, line, near=NEAR, far=NEAR @ SE2(0.0, -2.4, 0.0))
+    then = Mission(shape=Shape.from_tree({"a": "root", **side}), name="side")
+    starts = {unit: SE2(-0.5, 0.0, 0.0) @ X for unit, X in run.starts.items()}
+    run = rig(replace(run.mission, then=then), starts)
+    _run_until(run, lambda: run.units["c"].holder == "b.rear" and len(run.status.done) == 1)
+    run.units["c"].dead_s = 1e-9 * run.now_ns
+    status = run.run()
+    assert status.state is MissionState.INCOMPLETE
+    assert status.shape == "side"
+    assert "c has failed: seized" in status.reason
+    taken = assembly_ports(run.joints)
+    assert set(shape_ports(then.shape).values()) <= set(taken.values())
+    assert (taken["b"], taken["c"]) == (("rear",), ("rear", "rear"))

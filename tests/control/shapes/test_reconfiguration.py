@@ -383,3 +383,27 @@ def test_units_out_of_action_stay_and_all_others_fill_what_can_be_filled(setup: 
         assert whole or out
         filled.append(len(goal & set(now.values())))
     assert set(filled) >= {len(names) - 2, len(names) - 1}
+
+
+@pytest.mark.parametrize(
+    ("free", "stays", "hopping"),
+    [
+        ({"e": None}, "", {"c", "d", "e"}),  # e has left its port
+        ({"e": SE2(-2.0, 2.0), "x": None, "y": None}, "", {"c", "d", "x"}),
+        ({"x": None, "e": None, "y": None}, "", {"c", "d", "x"}),
+        ({"x": None, "y": None}, "", {"c", "d", "e"}),
+        ({"x": None, "y": None}, "d", {"e", "c", "x"}),
+        ({"x": None, "y": None}, "e", {"d", "x", "y"}),  # c has to carry it
+    ],
+)
+def test_as_many_units_that_stand_free_hop_as_the_assembly_has_too_few(
+    free: dict[str, SE2 | None], stays: str, hopping: set[str], setup: CoordinationSetup
+) -> None:
+    """One more would leave another unit in a port beside the shape: a hop for a hop."""
+    ports = assembly_ports({"b": "a.rear", "c": "a.left", "d": "a.right", "e": "c.rear"})
+    places = {unit: place for unit, place in ports.items() if unit not in free}
+    places |= {unit: beside(unit) for unit in free}
+    out = {unit: X for unit, X in free.items() if X is not None} | ({stays: SE2()} if stays else {})
+    tasks, whole = tasks_from(places, build_pattern("line", 5), setup.lanes, SE2(), WIDE, out=out)
+    assert {task.unit for task in tasks} == hopping
+    assert whole == (not stays)
