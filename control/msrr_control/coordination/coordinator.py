@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from msrr_control.coordination.dispatcher import Dispatcher
 from msrr_control.coordination.interlock import Interlock
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission, Patience
+from msrr_control.coordination.past_tasks import PastTasks
 from msrr_control.coordination.recall import Recall
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.siting import Siting, check_shapes
@@ -65,9 +67,7 @@ class Coordinator:
         self._tried_ns: int | None = None
         self._hopeless_ns: int | None = None
         self._replans = self._most_replans = 0
-        self._done: tuple[str, ...] = ()  # tasks of the shapes before, and of hops that others have replaced
-        # Why hops were replaced whose units do not hop any more and leave places empty, by unit and task.
-        self._undone: dict[tuple[str, str], str] = {}
+        self._past = PastTasks()
         self._watch = Watch(self._patience, setup.tolerance)
         self._states = UnitStates(self._units, self._watch)
         self._set_out(mission)
@@ -133,8 +133,8 @@ class Coordinator:
             stamp_ns=now_ns,
             state=self._state,
             shape=self._mission.name,
-            done=self._done + self._tasks.names(TaskState.DONE),
-            given_up=(*(task for _, task in self._undone), *self._tasks.names(TaskState.GIVEN_UP)),
+            done=self._past.done + self._tasks.names(TaskState.DONE),
+            given_up=(*(task for _, task in self._past.undone), *self._tasks.names(TaskState.GIVEN_UP)),
             units=tuple(unit.status() for unit in self._units.values()),
             replans=self._replans,
             reason=self._reason,
@@ -226,7 +226,7 @@ class Coordinator:
                 self._tasks.give_up(name, f"routes were planned anew {self._replans} times")
 
     def _dispatch(self, now_ns: int) -> None:
-        """Find routes for what is open, when something has changed and every now and then."""
+        """Find routes for what is open, or other hops, when something has changed and now and then."""
         if not self._tasks.open or self._state is not MissionState.RUNNING:
             return
         waits = self._patience.retry_s if self._dispatcher.waits_for_tracks else self._patience.look_again_s
@@ -236,6 +236,12 @@ class Coordinator:
         self._changed, self._tried_ns = False, now_ns
         if self._dispatcher.dispatch(self._tasks, now_ns):
             self._watch.restart(now_ns)
+        elif self._all_rest(now_ns):
+            self._hop_otherwise(now_ns)
+
+    def _all_rest(self, now_ns: int) -> bool:
+        """Return whether nobody is under way, and nobody who is lost or was never seen is waited for."""
+        return not any(u.under_way or self._watch.may_be_found(u, now_ns) for u in self._units.values())
 
     def _extend(self) -> None:
         """Let everybody drive as far as the others allow, the first in order first."""
@@ -246,13 +252,12 @@ class Coordinator:
     def _conclude(self, now_ns: int) -> None:
         """End the mission if everything is done, or give up what nobody can do."""
         units = self._units.values()
-        under_way = any(unit.under_way for unit in units)
-        if self._tasks.ended and not under_way:
+        if self._tasks.ended and not any(unit.under_way for unit in units):
             if self._failed and self._hop_otherwise(now_ns):
                 return
             failed = self._failed
             if not failed and self._mission.then is not None:
-                self._done += self._tasks.names(TaskState.DONE)
+                self._past.finish(self._tasks)
                 docks = {unit.name: ".".join(unit.holder) for unit in self._units.values() if unit.holder}
                 self._set_out(replace(self._mission.then, holders=docks))
             elif not failed:
@@ -262,8 +267,7 @@ class Coordinator:
                 lost = [f"{u.name}: {u.reason}" for u in units if u.out_of_action and u.reason not in told]
                 self._end(MissionState.INCOMPLETE, "; ".join([told, *lost]))
             return
-        searched = any(self._watch.may_be_found(unit, now_ns) for unit in units)
-        if under_way or searched or self._changed or self._hopeless_ns is None:
+        if not self._all_rest(now_ns) or self._changed or self._hopeless_ns is None:
             self._hopeless_ns = now_ns
         if seconds(now_ns - self._hopeless_ns) > self._patience.hopeless_s and self._tasks.open:
             self._hopeless_ns, self._changed = now_ns, True
@@ -272,8 +276,6 @@ class Coordinator:
                 for unit in self._units.values():
                     if unit.state is UnitState.DOCKED:  # the root, to which nobody has docked
                         unit.stand(now_ns, "the shape is built elsewhere")
-                return
-            if self._hop_otherwise(now_ns):
                 return
             first = next(iter(self._tasks.ready()), self._tasks.open[0])
             why = self._dispatcher.hindrance(first, self._tasks)
@@ -284,7 +286,7 @@ class Coordinator:
     @property
     def _failed(self) -> dict[str, str]:
         """Why each task that was given up was."""
-        return {task: why for (_, task), why in self._undone.items()} | self._tasks.reasons
+        return {task: why for (_, task), why in self._past.undone.items()} | self._tasks.reasons
 
     def _hop_otherwise(self, now_ns: int) -> bool:
         """Replace hops that cannot be made if others lead on from here; return whether they do.
@@ -297,34 +299,16 @@ class Coordinator:
         tasks, whole = chosen
         if not tasks and not whole:
             return False
-        self._undone = self._left_undone({str(task.unit) for task in tasks}, whole)
-        self._done += self._tasks.names(TaskState.DONE)
+        # One in a port even if all places are taken: it may have opened its lock before it failed.
+        out = {u.name for u in self._units.values() if u.out_of_action and (u.docks or not whole)}
+        hopping = {str(task.unit) for task in tasks}
+        why = partial(self._dispatcher.hindrance, tasks=self._tasks)
+        self._past.replace(self._tasks, hopping, out, whole, why)
         self._tasks, self._changed = TaskList(tasks), True
         for unit in self._units.values():
             unit.task, unit.evasions = None, 0
         self._plan_anew(now_ns)
         return True
-
-    def _left_undone(self, hopping: set[str], whole: bool) -> dict[tuple[str, str], str]:
-        """Return why hops are not made, by unit and task, that are replaced and leave places empty.
-
-        Args:
-            hopping: Units that hop otherwise.
-            whole: Whether all places are taken after that.
-        """
-        undone = dict(self._undone)
-        for name in self._tasks.names(TaskState.OPEN, TaskState.GIVEN_UP):
-            task = self._tasks.by_name[name]
-            why = self._tasks.reasons.get(name) or self._dispatcher.hindrance(task, self._tasks)
-            undone[str(task.unit), name] = why
-        # One in a port even if all places are taken: it may have opened its lock before it failed.
-        out = {u.name for u in self._units.values() if u.out_of_action and (u.docks or not whole)}
-        left = {
-            (unit, name): why
-            for (unit, name), why in undone.items()
-            if unit in out or not (whole or unit in hopping)
-        }
-        return left or ({} if whole else undone)
 
     def _end(self, state: MissionState, reason: str) -> None:
         self._state, self._reason = state, reason

@@ -17,7 +17,7 @@ from msrr_control.shapes.shape import Shape, build_pattern
 from msrr_control.shapes.tasks import Task
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
-from msrr_scenes.messages.coordination import MissionState
+from msrr_scenes.messages.coordination import MissionState, UnitState
 
 Rig = Any
 
@@ -72,6 +72,9 @@ def test_a_port_before_which_an_obstacle_appears_is_not_stepped_aside_to(
     run = _assembled(rig, SWAP, SWAPPED, named=True)
     _run_until(run, lambda: run.units["b"].holder is None)
     run.obstacles = (_post(run.units["d"].X_WU @ SE2(-0.65, 0.0, 0.0)),)
+    _run_until(run, lambda: not any(unit.state is UnitState.UNDER_WAY for unit in run.status.units))
+    run.step()
+    assert searches, "nobody waits for an obstacle to go that is in the lane of the next hop"
     status = run.run()
     assert status.state is MissionState.COMPLETE, status.reason
     assert run.joints == {"d": "a.rear", "c": "a.left", "b": "a.right"}
