@@ -75,6 +75,8 @@ class StateMemory:
         opened: Timer of the lock being open.
         looked_behind: Timer of the unit knowing what is behind it, or no longer waiting to know.
         arrived: Timer of the unit standing at the end of its retreat or tug.
+        backing: What was observed when the unit was last commanded to back out: the collision monitor lets a
+            command to stand still pass, whatever is near.
         leg: Leg of the calibration drive under way, counted from 0.
         limited: Timer of the collision monitor slowing or stopping the unit.
         doubted: Timer of the collision monitor stopping it because nobody knows where others are.
@@ -94,6 +96,7 @@ class StateMemory:
         self.unseen, self.switches, self.arrived = HoldTimer(), HoldTimer(), HoldTimer()
         self.opened, self.looked_behind, self.limited = HoldTimer(), HoldTimer(), HoldTimer()
         self.doubted = HoldTimer()
+        self.backing: Observation | None = None
         self.sigma_lateral = self.pushed = 0.0
         self.before: PortView | None = None
         self.tugged = 0.0

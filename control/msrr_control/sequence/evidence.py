@@ -96,7 +96,8 @@ def not_parted(c: DockingContext) -> str | None:
     only while the lock reports open. A unit that the collision monitor held has not been stopped by its port,
     nor has one whose pins are farther to a side than the mouths of the holes are wide.
     """
-    monitor, report = c.observation.monitor, c.observation.lock
+    backing, report = c.memory.backing, c.observation.lock
+    monitor = None if backing is None else backing.monitor
     if monitor is not None and monitor.state is MonitorState.STOP:
         return None
     in_port = c.gap < c.setup.pin_reach + c.tuning.retreat.clear_m
@@ -118,5 +119,6 @@ def not_undocked(c: DockingContext) -> str | None:
     if c.observation.both_closed:
         return f"both seat switches are closed, {c.gap:z.3f} m away"
     if c.gap < c.spec.retreat_m - c.tuning.arrived_m:
-        return f"the retreat ended {c.gap:z.3f} m away, {c.spec.retreat_m:.3f} m were to be backed out"
+        held = "" if c.memory.backing is None else c.memory.backing.held
+        return f"the retreat ended {c.gap:z.3f} m away, {c.spec.retreat_m:.3f} m were to be backed out{held}"
     return None

@@ -194,6 +194,7 @@ def retreat(c: DockingContext) -> Twist | Transition:
         return _after_retreat(c)
     if is_there:
         return STILL
+    memory.backing = c.observation
     if pose is None:
         return Twist(-tuning.retreat.speed_mps, 0.0)
     return c.backing_out(pose, c.spec.retreat_m)

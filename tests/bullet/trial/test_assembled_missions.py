@@ -164,6 +164,17 @@ def test_shapes_follow_each_other(run: Run) -> None:
     assert result.mission.done == ("c to b.left", "c to b.rear")
 
 
+def test_a_unit_that_cannot_back_out_far_enough_names_what_holds_it(run: Run) -> None:
+    """The mission told how far the unit had come, and not of the post that had appeared behind it."""
+    post = "{shape: cylinder, radius_m: 0.05, tag_id: 40, appears_at_s: 0.5, pose: {x_m: -0.02, y_m: -0.3}}"
+    ahead = {"units.a": "{number: 0, pose: {x_m: 0.8, y_m: -0.3}}", "obstacles.post": post}
+    result = run("{zigzag: 3}", {**FAST, **ahead}, key="shape")
+    assert result.outcome is Outcome.INCOMPLETE
+    assert "c failed: not released: the retreat ended" in result.reason
+    assert "held by the collision monitor" in result.reason
+    assert "mm to post" in result.reason
+
+
 def test_a_spare_unit_hops_where_the_drive_of_another_one_has_seized(run: Run) -> None:
     """It stood by, and the mission ended as incomplete."""
     spare = {"units.d": "{number: 3, pose: {x_m: -0.2, y_m: 1.1}}"}
