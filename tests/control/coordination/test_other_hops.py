@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 
 from msrr_control.coordination import siting
 from msrr_control.coordination.mission import Mission
+from msrr_control.shapes.hop_rules import HopRules
 from msrr_control.shapes.reconfiguration import assembly_ports, shape_ports, tasks_from
 from msrr_control.shapes.shape import Shape, build_pattern
 from msrr_control.shapes.tasks import Task
@@ -201,3 +203,41 @@ def test_spares_also_take_the_place_of_a_unit_that_has_to_carry_one_that_has_fai
     taken = assembly_ports(run.joints)
     assert set(shape_ports(then.shape).values()) <= set(taken.values())
     assert (taken["b"], taken["c"]) == (("rear",), ("rear", "rear"))
+
+
+def _grown(rules: HopRules, rng: random.Random, names: str = "abcde") -> Shape:
+    """Units that have docked one after another wherever they could."""
+    form = {(): names[0]}
+    for name in names[1:]:
+        free = [(*holder, port) for holder in form for port in ("rear", "left", "right")]
+        free = [p for p in free if p not in form and not any(rules.closes(p, other) for other in form)]
+        form[rng.choice(free)] = name
+    tree = {name: f"{form[p[:-1]]}.{p[-1]}" if p else "root" for p, name in form.items()}
+    return Shape.from_tree(tree)
+
+
+@pytest.mark.nightly
+def test_missions_with_spares_end_and_are_complete_only_where_the_shape_stands(rig: type[Rig]) -> None:
+    """Anybody fails anywhere: in its port, on its way or at the next port. The judge is the rig's truth."""
+    ends: list[tuple[MissionState, bool]] = []
+    for seed in range(120):
+        rng, setup = random.Random(seed), rig(Mission(), {}).setup
+        rules = HopRules(setup.lanes, SE2(), (-9.0, 9.0, -9.0, 9.0))
+        start, shape = _grown(rules, rng), _grown(rules, rng)
+        holders = {place.name: f"{place.parent}.{place.port}" for place in start.places[1:]}
+        X_WR = SE2(rng.uniform(-0.2, 0.2), rng.uniform(-0.2, 0.2), rng.uniform(-math.pi, math.pi))
+        spares = {"x": SE2(-1.6, rng.uniform(-1.1, 1.1)), "y": SE2(1.6, rng.uniform(-1.1, 1.1))}
+        starts = start.poses(X_WR, setup.lanes.body) | spares
+        run = rig(Mission(shape=shape, holders=holders), starts)
+        unit, at = run.units[rng.choice("bcde")], rng.choice([-1.0, 0.1, 0.5, 1.0])
+        while run.status.state is MissionState.RUNNING:
+            assert run.now_ns < 400e9, f"seed {seed}"
+            run.step()
+            if unit.dead_s is None and unit.progress > at and (unit.holder is None or at < 0.0):
+                unit.dead_s = 1e-9 * run.now_ns
+        ends.append((run.status.state, bool(run.joints) and run.is_built(shape)))
+        assert ends[-1] != (MissionState.COMPLETE, False), f"seed {seed}: {run.status.reason}"
+        assert run.status.reason
+        if unit.holder is None and unit.dead_s is not None:
+            assert ends[-1] != (MissionState.INCOMPLETE, True), f"seed {seed}: {run.status.reason}"
+    assert ends.count((MissionState.COMPLETE, True)) > 20
