@@ -55,8 +55,11 @@ from msrr_scenes.specs.scene import Scene
 #: Phases in which the unit is localised by the overhead camera.
 _FAR_PHASES = (Phase.ASSEMBLE, Phase.HAND_OVER)
 
-#: Phases that use every frame of the overhead camera: also the retreat, which the onboard camera cannot see.
-_OVERHEAD_PHASES = (*_FAR_PHASES, Phase.RETREAT)
+#: Phases that drive backwards, to where the onboard camera does not look.
+_BACKWARDS_PHASES = (Phase.TUG_TEST, Phase.RETREAT)
+
+#: Phases that use every frame of the overhead camera.
+_OVERHEAD_PHASES = (*_FAR_PHASES, *_BACKWARDS_PHASES)
 
 #: Phases in which the overhead camera only checks the surroundings, now and then.
 _CHECKED_PHASES = (Phase.CALIBRATE, Phase.DOCK)
@@ -264,7 +267,7 @@ class Autonomy:
             # Estimates by the onboard camera from another place are of no use for the next docking phase.
             for part in (self._estimator, self._los_estimator, self._vision):
                 part.reset()
-        if self._reader is not None and action.phase is Phase.RETREAT and before is not Phase.RETREAT:
+        if self._reader is not None and action.phase in _BACKWARDS_PHASES and before is not action.phase:
             self._reader.restart_search()  # an obstacle may have appeared behind the unit
         action = self._feed_forward.apply(self._limit_by_clearance(action))
         return action if self._drive_watch is None else self._drive_watch.judge(action)

@@ -155,13 +155,19 @@ class OverheadReader(OverheadLocalizer):
         return self._vision.detect(exposure, predictions, fetch)
 
     def check_is_due(self, now_ns: int) -> bool:
-        """Return whether it is time to look for what the onboard camera does not see."""
-        return now_ns - self._checked_ns >= _CHECK_PERIOD_NS
+        """Return whether it is time to look for what the onboard camera does not see.
+
+        It always is while a body moves: unseen, it could soon be anywhere.
+        """
+        return now_ns - self._checked_ns >= _CHECK_PERIOD_NS or bool(self._estimator.moving())
 
     def check(self, exposure: Exposure, X_WU: SE2, fetch: Fetch) -> Detections:
-        """Detect the bodies in a square of the floor in front of the unit, which stands at ``X_WU``."""
+        """Detect bodies that move, and those in a square of the floor before the unit at ``X_WU``."""
         self._checked_ns = exposure.stamp_ns
-        return self._vision.detect_near(exposure, (X_WU @ _CHECK_CENTRE).translation, NEAR_HALF_M, fetch)
+        moving, poses = self._estimator.moving(), self._estimator.predict(exposure.stamp_ns)
+        predictions = {name: pose for name, pose in poses.items() if name in moving}
+        middle_W = (X_WU @ _CHECK_CENTRE).translation
+        return self._vision.detect_near(exposure, middle_W, NEAR_HALF_M, fetch, predictions)
 
     def restart_search(self) -> None:
         """Search the next exposure for new bodies, however recent the last search was."""

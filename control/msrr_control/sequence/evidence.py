@@ -122,3 +122,11 @@ def not_undocked(c: DockingContext) -> str | None:
         held = "" if c.memory.backing is None else c.memory.backing.held
         return f"the retreat ended {c.gap:z.3f} m away, {c.spec.retreat_m:.3f} m were to be backed out{held}"
     return None
+
+
+def has_looked_behind(c: DockingContext) -> bool:
+    """Return whether an overhead picture of this stay has arrived, or is no longer waited for."""
+    if c.assembler is None or c.memory.lasted(c.now_ns) > c.tuning.look_around_s:
+        return True
+    exposed_ns = c.observation.overhead_exposed_ns
+    return exposed_ns is not None and exposed_ns > c.memory.since_ns

@@ -12,6 +12,7 @@ from msrr_control.docking.controller import promised_speed
 from msrr_control.sequence.calibration_drive import calibration_twist
 from msrr_control.sequence.context import STILL, DockingContext, Transition
 from msrr_control.sequence.evidence import (
+    has_looked_behind,
     in_seat_range,
     lock_is_open,
     not_parted,
@@ -184,7 +185,7 @@ def retreat(c: DockingContext) -> Twist | Transition:
         # To pull at a closed lock would drag along the units on its other side.
         return _after_retreat(c)
     opened = memory.opened.update(is_open or memory.lasted(c.now_ns) > tuning.unlatch_s, c.now_ns)
-    looked_behind = memory.looked_behind.update(_has_looked_behind(c), c.now_ns)
+    looked_behind = memory.looked_behind.update(has_looked_behind(c), c.now_ns)
     free = min(opened, looked_behind)
     if free < 0.0:
         return STILL
@@ -203,14 +204,6 @@ def retreat(c: DockingContext) -> Twist | Transition:
 def rest(c: DockingContext) -> Twist | Transition:
     """Stand still: the docking step is over."""
     return STILL
-
-
-def _has_looked_behind(c: DockingContext) -> bool:
-    """Return whether an overhead picture of this stay has arrived, or is no longer waited for."""
-    if c.assembler is None or c.memory.lasted(c.now_ns) > c.tuning.look_around_s:
-        return True
-    exposed_ns = c.observation.overhead_exposed_ns
-    return exposed_ns is not None and exposed_ns > c.memory.since_ns
 
 
 def _after_retreat(c: DockingContext) -> Transition:

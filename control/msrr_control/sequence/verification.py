@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from msrr_control.sequence.context import STILL, DockingContext, Transition
-from msrr_control.sequence.evidence import Loosened, loosened, off_seat, shortest_seen
+from msrr_control.sequence.evidence import Loosened, has_looked_behind, loosened, off_seat, shortest_seen
 from msrr_scenes.messages import Belief, Conviction, FailureReason, Phase, Twist
 
 #: Share of the pins' length: sight that would not show a gap of it tells little about a seat.
@@ -60,6 +60,8 @@ def tug_test(c: DockingContext) -> Twist | Transition:
     if against is not None or view is None:
         seen = "the target is not seen" if against is None else against.reason
         return Transition.back_out(f"{seen} in a tug test", FailureReason.NOT_VERIFIED)
+    if memory.looked_behind.update(has_looked_behind(c), c.now_ns) < 0.0:
+        return STILL  # what stands behind has not been looked for since the unit came near the port
     if memory.before is None:
         memory.before = view
     speed, passed, twist = c.spec.press_mps, c.observation.passed, c.observation.twist

@@ -162,8 +162,15 @@ class OverheadVision:
         self._remember(reader, due, predictions)
         return reader.detections(exposure)
 
-    def detect_near(self, exposure: Exposure, middle_W: Array, half_m: float, fetch: Fetch) -> Detections:
-        """Read only the tags of bodies near one place, without a search for units.
+    def detect_near(
+        self,
+        exposure: Exposure,
+        middle_W: Array,
+        half_m: float,
+        fetch: Fetch,
+        predictions: Mapping[str, GlobalPose],
+    ) -> Detections:
+        """Read only the tags of bodies near one place, and of some others, without a search for units.
 
         It costs the pixels of that place and leaves the state of other reads as it was.
 
@@ -172,11 +179,14 @@ class OverheadVision:
             middle_W: Middle of the place on the floor, shape (2,) [m].
             half_m: Half the edge of the square that is read [m].
             fetch: Function that returns the pixels of a window of this exposure.
+            predictions: Poses at the time of the exposure of the others, by name.
 
         Returns:
             The tags found, also of the units that matter where they show in the same windows.
         """
         reader = FrameReader(fetch, self._optic, self.model.to_light)
+        others = [i for i, tag in self.model.tags.items() if tag.name in predictions]
+        self._read(reader, self._detector, self._expected(predictions, others).values())
         square = self.model.square(middle_W, half_m, self._units[0])
         window = fitting_window(square, self.model.camera.frame)
         if window is not None:

@@ -142,6 +142,10 @@ class GlobalEstimator:
         found = {} if own is None else {self.unit: self._own_pose(own)}
         return found | self._others.poses(stamp_ns)
 
+    def moving(self) -> set[str]:
+        """Return the other bodies that drive, or were pushed and have not been seen to stand since."""
+        return self._others.moving()
+
     def estimate(self, now_ns: int, by_sight: PoseEstimate | None = None) -> ArenaEstimate | None:
         """Return the estimate for control; None until the unit and its target, if any, have been seen.
 

@@ -1,4 +1,4 @@
-"""Before a retreat the area behind the unit is searched: trials with a post that appears there."""
+"""Before a unit drives backwards the overhead camera looks behind it: trials with retreats and tug tests."""
 
 from __future__ import annotations
 
@@ -83,17 +83,23 @@ def test_a_unit_does_not_retreat_into_a_post(post_x_m: float, models: Mapping[st
     assert backed == pytest.approx(ROOM[post_x_m], abs=0.04)
 
 
-def test_the_overhead_camera_exposes_once_a_second_while_docking_and_at_its_rate_while_retreating(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    exposures: list[float] = []
+@pytest.fixture
+def exposures(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Times of the exposures of the overhead camera [s]."""
+    times: list[float] = []
     capture = ParametricOverheadCamera.capture
 
     def recorded(self: ParametricOverheadCamera, now_ns: int, robot: Any) -> Any:
-        exposures.append(1e-9 * now_ns)
+        times.append(1e-9 * now_ns)
         return capture(self, now_ns, robot)
 
     monkeypatch.setattr(ParametricOverheadCamera, "capture", recorded)
+    return times
+
+
+def test_the_overhead_camera_exposes_once_a_second_while_docking_and_at_its_rate_while_retreating(
+    exposures: list[float],
+) -> None:
     trial = Watched(plugged(None, **BLIND))
     trial.run()
     docking, retreat = trial.of(Phase.DOCK), trial.of(Phase.RETREAT)
@@ -105,6 +111,20 @@ def test_the_overhead_camera_exposes_once_a_second_while_docking_and_at_its_rate
     assert len(frames) == pytest.approx(overhead.rate_hz * (retreat[-1].time_s - retreat[0].time_s), abs=2)
     # The period and the latency of the camera, and the start of the drive.
     assert 0.06 < trial.waited_s < 0.4
+
+
+def test_the_overhead_camera_exposes_at_its_rate_in_a_tug_test(exposures: list[float]) -> None:
+    """What was seen before the unit came near the port may be too long ago to drive backwards by."""
+    askew = {"kind": "camera_misaligned", "unit": "a", "yaw_deg": 1.5}
+    docking = {"verify": {"yaw_deg": 0.1}, "attempts": 1}
+    trial = Watched(plugged(None, faults=[askew], docking=docking, **BLIND))
+    assert trial.run().outcome is Outcome.DOCKED
+    tug = trial.of(Phase.TUG_TEST)
+    frames = [t for t in exposures if tug[0].time_s < t <= tug[-1].time_s]
+    overhead = trial.scene.cameras.overhead
+    assert overhead is not None
+    assert len(frames) == pytest.approx(overhead.rate_hz * (tug[-1].time_s - tug[0].time_s), abs=2)
+    assert len(frames) >= 8
 
 
 def test_a_unit_retreats_although_the_overhead_camera_fails() -> None:

@@ -4,13 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
-from msrr_bullet.robot.overhead_localizer import NEAR_HALF_M
+from msrr_bullet.robot.overhead_localizer import NEAR_HALF_M, OverheadReader
+from msrr_perception.detection.detector import PupilDetector
+from msrr_perception.pose.overhead_model import OverheadModel
+from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import ArenaEstimate, Detections, GlobalPose, ObstacleEstimate, Twist
+from msrr_scenes.messages import (
+    ArenaEstimate,
+    Detections,
+    Exposure,
+    Fetch,
+    GlobalPose,
+    ObstacleEstimate,
+    Twist,
+    WheelOdometry,
+)
 
 FULL = 1280 * 960
 POST = {"shape": "cylinder", "radius_m": 0.06, "height_m": 0.2, "tag_id": 500}
@@ -146,13 +159,22 @@ def test_detection_near_a_place_finds_what_is_near_and_changes_no_later_detectio
         arena.run(1.05)
     checked = arenas[0]
     exposure = checked.looks[-1].exposure
+    known = checked.estimator.predict(exposure.stamp_ns)
     detected = {}
-    for name, middle in {"near": SE2(0.3, 0.4), "far": SE2(-0.6, 0.3), "outside": SE2(9.0, 9.0)}.items():
-        look = checked.vision.detect_near(exposure, middle.translation, NEAR_HALF_M, checked.camera.fetch)
-        detected[name] = [t.tag_id for t in look.tags]
+    for name, middle, others in (
+        ("near", SE2(0.3, 0.4), ()),
+        ("far", SE2(-0.6, 0.3), ()),
+        ("far, and others", SE2(-0.6, 0.3), ("b", "post")),
+        ("outside", SE2(9.0, 9.0), ()),
+    ):
+        predictions = {body: known[body] for body in others}
+        look = checked.vision.detect_near(
+            exposure, middle.translation, NEAR_HALF_M, checked.camera.fetch, predictions
+        )
+        detected[name] = ids(look)
         assert sum(w.area for w in look.windows) < FULL / 6
     # No unit is near one of the places, and the post is near the first.
-    assert detected == {"near": [500], "far": [], "outside": []}
+    assert detected == {"near": [500], "far": [], "far, and others": [10, 500], "outside": []}
     for arena in arenas:
         arena.run(1.5)
     for one, other in zip(*(a.looks for a in arenas), strict=True):
@@ -178,3 +200,65 @@ def test_a_parked_unit_is_read_in_every_fourth_frame_and_one_that_drives_in_each
     assert sum(frames_with_c(3.75, 4.55)) <= 3
     off = error(arena.known.others[0], arena.plant.pose("c"))
     assert np.abs(off[:2]).max() < 1e-4
+
+
+@dataclass
+class _Docking:
+    """Stands for vision and estimator of an arena: the reader of a unit that checks from some time on."""
+
+    reader: OverheadReader
+    model: OverheadModel
+    checks_from_ns: int
+    checks: dict[float, list[int]] = field(default_factory=dict)  # time [s] -> ids of the tags read
+
+    def detect(self, exposure: Exposure, predictions: object, fetch: Fetch) -> Detections:
+        if exposure.stamp_ns < self.checks_from_ns:
+            return self.reader.detect(exposure, fetch)
+        if not self.reader.check_is_due(exposure.stamp_ns):
+            return Detections(exposure, (), ())
+        found = self.reader.check(exposure, SE2(-1.0, -0.5), fetch)
+        self.checks[1e-9 * exposure.stamp_ns] = ids(found)
+        return found
+
+    def predict(self, stamp_ns: int) -> dict[str, GlobalPose]:
+        return {}
+
+    def estimate(self, now_ns: int) -> ArenaEstimate | None:
+        return self.reader.estimate(now_ns, None)
+
+    def add_odometry(self, reading: WheelOdometry) -> None:
+        self.reader.receive(reading)
+
+    def add_detections(self, detections: Detections) -> None:
+        if detections.windows:
+            self.reader.receive(detections)
+
+
+def test_checks_show_a_unit_that_drives_in_every_frame_until_it_is_seen_to_stand(
+    open_arena: Callable,
+) -> None:
+    """Of one that drives and is not seen, soon nothing is known: it would hold a unit that docks."""
+    arena = open_arena(others={"c": SE2(-0.2, -0.8, 0.4)})
+    arena.drivers = {"c": lambda t: Twist(0.1, 0.2) if 0.7 <= t < 2.0 else Twist()}
+    scene = arena.scene
+    step = scene.docks[0]
+    reader = OverheadReader(scene, step, TargetModel.from_scene(scene, step), PupilDetector())
+    arena.vision = arena.estimator = docking = _Docking(
+        reader, arena.vision.model, checks_from_ns=1_050_000_000
+    )
+    worst = 0.0
+
+    def watch() -> None:
+        nonlocal worst
+        if arena.now_s > 0.5:
+            worst = max(worst, float(np.abs(error(arena.known.others[0], arena.plant.pose("c"))[:2]).max()))
+
+    arena.run(5.0, watch)
+    assert worst < 0.02
+    driving = [found for t, found in docking.checks.items() if t < 2.0]
+    assert len(driving) == 9
+    assert all(20 in found for found in driving)
+    assert [found for t, found in docking.checks.items() if t > 2.9] == [[], []]
+    known = arena.known
+    assert known is not None
+    assert math.sqrt(known.others[0].covariance[2, 2]) < math.radians(0.5)

@@ -13,7 +13,7 @@ import pytest
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
 from msrr_control.sequence.evidence import with_doubt
-from msrr_control.sequence.observation import Observation
+from msrr_control.sequence.observation import Assembler, Observation
 from msrr_control.sequence.state_machine import PhaseMachine
 from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.geometry.se2 import SE2
@@ -52,10 +52,11 @@ class Desk:
     tuning: PhaseTuning = field(default_factory=PhaseTuning)
     now_ns: int = 0
     lock: LockFeedback | None = None
+    assembler: Assembler | None = None
 
     def __post_init__(self) -> None:
         law = build_controller(Choice(name="c1"), self.facts)
-        self.machine = PhaseMachine(self.spec, self.facts, law, tuning=self.tuning)
+        self.machine = PhaseMachine(self.spec, self.facts, law, self.assembler, tuning=self.tuning)
 
     def at(self, gap: float, lateral: float = 0.0, yaw: float = 0.0) -> SE2:
         """The axle's pose whose front port has that gap and that offset from the docking axis."""
@@ -74,6 +75,7 @@ class Desk:
         twist: Twist | None = None,
         monitor: CollisionMonitorState | None = None,
         passed: Twist | None = None,
+        overhead_ns: int | None = None,
     ) -> Action:
         """Let 20 ms go by and ask; the pose was exposed now unless told otherwise.
 
@@ -94,6 +96,7 @@ class Desk:
                 twist=twist or Twist(),
                 monitor=monitor,
                 passed=passed,
+                overhead_exposed_ns=overhead_ns,
             )
         )
 
@@ -724,6 +727,18 @@ def test_frames_exposed_while_the_wheels_still_turn_say_nothing(desk: Desk) -> N
         action = desk.ask(desk.at(0.0), exposed_ns=late_ns, covariance=COARSE, closed=True)
         assert action.phase is Phase.TUG_TEST
     assert _tug(desk, desk.at(0.0)).phase is Phase.DONE
+
+
+def test_a_unit_tugs_when_a_picture_of_what_is_behind_it_arrives(facts: DockSetup) -> None:
+    """What the collision monitor knew before may be too long ago to let it drive backwards at all."""
+    desk = Desk(facts, assembler=_InPlace())
+    _to_tug(desk)
+    began = desk.now_ns
+    for _ in range(10):
+        action = desk.ask(desk.at(0.0), covariance=COARSE, closed=True, overhead_ns=began)
+        assert (action.phase, action.twist) == (Phase.TUG_TEST, Twist())
+    tugs = desk.ask(desk.at(0.0), covariance=COARSE, closed=True, overhead_ns=began + 1)
+    assert (tugs.phase, tugs.twist) == (Phase.TUG_TEST, Twist(-desk.spec.press_mps))
 
 
 def test_a_tug_is_measured_by_what_the_collision_monitor_passes(desk: Desk) -> None:
