@@ -42,6 +42,20 @@ def test_a_unit_with_free_wheels_rolls_down_the_slope() -> None:
         assert -0.51 < plant.twist("a").v < -0.4
 
 
+@pytest.mark.parametrize("slope_deg", [0.1, 1.5, 3.0])
+def test_a_unit_that_stands_stays_where_it_is_on_a_slope(slope_deg: float) -> None:
+    """Its gear holds the wheels: it must not creep, however slowly, as a solver that stops early lets it."""
+    with open_world(f"{{slope_x_deg: {slope_deg}, friction_percent: -50}}") as world:
+        plant = BulletPlant(world)
+        start = plant.pose("a")
+        for _ in range(240 * 10):
+            plant.step()
+        assert plant.is_asleep("a")
+        moved = start.inverse() @ plant.pose("a")
+    assert math.hypot(moved.x, moved.y) < 3e-4
+    assert abs(moved.yaw) < math.radians(0.01)
+
+
 def test_wheels_slip_on_a_floor_with_less_friction() -> None:
     """With a tenth of the friction no unit brakes at 2 m/s^2; the drawn floor holds it."""
     way = []
