@@ -265,7 +265,7 @@ class GuidedUnit:
         if len(self._authority.legs) > 1:
             self._drive()
         else:
-            self._program = self._docking = self._guided = self.dock_step = None
+            self._program = self._docking = self.dock_step = None
 
     def _note_progress(self) -> None:
         """Note how much of the route is covered, in the dock leg and backwards by the gap to the port."""

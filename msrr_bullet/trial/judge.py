@@ -96,6 +96,8 @@ class Judge:
         self._deepest_pose: PortPose | None = None
         self._seated_since: int | None = None
         self._was_seated = False
+        self._commands_lock = self._held = False  # as of the last decision of the robot
+        self._gave_way_in: int | None = None  # number of the last attempt in which the lock gave way
         self._contacts: dict[int, Contact] = {}  # first pin contact by the number of the attempt
 
     def X_WD(self) -> SE2:
@@ -212,6 +214,10 @@ class Judge:
         self.docking = close or self._close
         self.port = self.port_pose()
         self._close = close or (self._close and not self.parted())
+        held = self._plant.lock_engaged(self.step.unit)
+        if self._held and not held and self._commands_lock:
+            self._gave_way_in = self._attempt
+        self._held, self._commands_lock = held, action.lock
 
     def neighbour_limits(self) -> Mapping[Pair, float]:
         """Return how near the unit may come to the units that are locked to its target while it docks [m]."""
@@ -257,6 +263,8 @@ class Judge:
             reason: Reason of the robot for giving up.
             ever_detected: Whether the target was detected at least once in this step.
         """
+        if self._gave_way_in == self._attempt:  # a tug test may have shown it, and then to give up is right
+            return Verdict(Outcome.LOCK_FAILED)
         if self._was_seated:
             return Verdict(Outcome.FALSE_ABORT)
         contact, deepest = self.contact_in(self._attempt), self._deepest_pose

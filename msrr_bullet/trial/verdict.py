@@ -11,7 +11,7 @@ from msrr_scenes.outcome import Outcome
 #: Outcomes of the end of a mission as its base station tells it, which steps and locks may contradict.
 _TOLD = (Outcome.COMPLETE, Outcome.INCOMPLETE)
 
-#: Outcomes of steps that a base station does not know of.
+#: Outcomes of steps that a base station does not know of, unless the unit itself has given up and said so.
 _UNKNOWN = (Outcome.PROGRAM_FAILED, Outcome.FALSE_DOCK, Outcome.LOCK_FAILED)
 
 
@@ -59,6 +59,6 @@ def verdict_on_trial(ended: Verdict | None, steps: Sequence[StepResult], failed_
     if ended.outcome not in _TOLD:
         return ended
     for step in steps:
-        if step.outcome in _UNKNOWN:
+        if step.outcome in _UNKNOWN and step.belief != "gave_up":
             return Verdict(step.outcome, f"{step.unit} at {step.target}: {step.reason}")
     return ended if failed_lock is None else Verdict(Outcome.LOCK_FAILED, failed_lock)

@@ -27,7 +27,7 @@ class Outcome(Enum):
     NOT_SEATED = "not_seated"
     """The pins are in line with the holes and did not reach their bottom."""
     LOCK_FAILED = "lock_failed"
-    """Seated and closed, but the lock gave way under the pull, or later on."""
+    """Seated and closed, but the lock gave way: under the pull, in a tug test of the unit, or later on."""
     TARGET_LOST = "target_lost"
     """The marker was seen and lost, the port was not reached, no attempt was left."""
     GAVE_UP = "gave_up"

@@ -218,6 +218,7 @@ class DockingContext:
         calibrate: Whether the unit has yet to calibrate before it docks.
         aim: Where the unit docks beside the axis.
         presses: Whether the unit presses on in its seat, as a seat switch has opened with the wheels at rest.
+        distrusts: Whether the seat switches were closed away from the port: they tell nothing of a seat.
         seat: How the unit sees its seat, in which a tug test has shown it to be held; None before one.
         last_gap: Last known distance between the faces [m], updated by odometry; None while unknown.
     """
@@ -239,6 +240,7 @@ class DockingContext:
     calibrate: bool = False
     aim: Aim = field(default_factory=Aim)
     presses: bool = False
+    distrusts: bool = False
     seat: PortView | None = None
     last_gap: float | None = None
     _previous_ns: int | None = None

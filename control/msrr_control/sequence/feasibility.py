@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import math
+
 from msrr_control.docking.law import DockSetup
 from msrr_control.sequence.tuning import PhaseTuning
+from msrr_control.sequence.verification import MOVED
 from msrr_scenes.errors import SceneError
 from msrr_scenes.specs.scene import Scene
+
+#: Standard deviations of the backlash that a tug has to be longer than: one drive of 370 has more.
+_SIGMAS = 3.0
 
 
 def check_sequence(scene: Scene) -> None:
     """Refuse a scene whose units could not dock, or try again, whatever they see.
 
-    They would take a port that they see for lost, never see a seat for long enough, or not back out of
-    the port.
+    They would take a port that they see for lost, never see a seat for long enough, take up no more than
+    the backlash of their drives in a tug test, or not back out of the port.
 
     Raises:
         SceneError: The message names the key and what it has to be.
@@ -20,6 +26,7 @@ def check_sequence(scene: Scene) -> None:
     """
     tuning = PhaseTuning()
     _check_sight(scene, tuning.frames)
+    _check_tug(scene)
     for step in scene.possible_docks:
         least_m = DockSetup.of(scene, step).pin_reach + tuning.retreat.clear_m + tuning.arrived_m
         if scene.docking.retreat_m < least_m:
@@ -45,4 +52,20 @@ def _check_sight(scene: Scene, frames: int) -> None:
         raise SceneError(
             f"docking.verify.time_s: {frames} pictures have to show the seat, which takes {needed_s:.3g} s "
             f"with {camera_text}; raise it to that, found {docking.verify.time_s:g}"
+        )
+
+
+def _check_tug(scene: Scene) -> None:
+    """Refuse a tug of which backlash, as far as its tolerance is told, may leave too little to be seen."""
+    verify, sigma_deg = scene.docking.verify, scene.as_built.drive.backlash_deg.sigma
+    if not (verify.by_sight and verify.tug_m):
+        return
+    radius = max((scene.geometry(step.unit).wheel_radius for step in scene.possible_docks), default=0.0)
+    lost_m = _SIGMAS * math.radians(sigma_deg) * radius
+    least_m = lost_m / (1.0 - MOVED)
+    if verify.tug_m < least_m:
+        raise SceneError(
+            f"docking.verify.tug_m: backlash of {sigma_deg:g} deg (1 sigma) may take up {lost_m:.3g} m, so "
+            f"that a unit that is not held is hardly seen to move; raise it to {least_m:.3g}, or set it to 0 "
+            f"for no tug test, found {verify.tug_m:g}"
         )

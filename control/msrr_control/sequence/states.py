@@ -76,11 +76,15 @@ def dock(c: DockingContext) -> Twist | Transition:
     if view is None or pose is None or view.age > spec.lost_time_s:
         return Transition.back_out(f"target lost for {spec.lost_time_s:.2f} s", FailureReason.TARGET_LOST)
     at_port = view.gap <= c.setup.pin_reach + tuning.contact_m
+    closed = c.observation.both_closed
+    tugs = spec.verify.by_sight and spec.verify.tug_m > 0.0
+    if tugs and closed and view.gap > with_doubt(c.setup.pin_reach + tuning.contact_m, view.sigma_gap):
+        c.distrusts = True
     if not at_port:
         c.memory.sigma_lateral = min(c.memory.sigma_lateral or math.inf, view.sigma_lateral)
-    closed = c.observation.both_closed
     near = with_doubt(tuning.near_m, view.sigma_gap)
     agrees = in_seat_range(view.gap - tuning.seated_gap_m, near) or not spec.verify.by_sight
+    agrees = agrees and not c.distrusts  # then the unit presses for as long as it gets on
     if c.memory.switches.update(closed and at_port and agrees, now_ns) >= tuning.debounce_s:
         return Transition(Phase.LOCK, f"both seat switches closed at {view}")
     # If any progress counted, the unit could creep for minutes: it has to keep a share of the promised speed,
@@ -99,9 +103,10 @@ def dock(c: DockingContext) -> Twist | Transition:
         passed = c.observation.passed
         c.memory.pushed += c.dt * (spec.press_mps if passed is None else passed.v)
     if idle > spec.stall_time_s:
-        if closed and at_port and spec.verify.by_sight and spec.verify.tug_m:
+        if closed and at_port and tugs:
             # Sight may be what is wrong, and would be so in the next attempt as well; a tug test tells.
-            return Transition(Phase.LOCK, f"both seat switches closed, although seen at {view}")
+            away = "; they were closed away from the port, too" if c.distrusts else ""
+            return Transition(Phase.LOCK, f"both seat switches closed, although seen at {view}{away}")
         # The first decision of the monitor comes with the next instant.
         held = limited_s >= idle - 2.0 * c.dt
         if held:  # the same approach would end here again; the long-distance phase knows what stands where

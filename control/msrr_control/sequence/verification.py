@@ -9,16 +9,19 @@ from msrr_scenes.messages import Belief, Conviction, FailureReason, Phase, Twist
 #: Share of the pins' length: sight that would not show a gap of it tells little about a seat.
 _HALF_OUT = 0.5
 
-#: Share of the speed of a tug at which the wheels are at rest again: a drive may lag by half a second. Share
-#: of its way by which a unit is seen to move that is not held: backlash may take up half of the way.
-_AT_REST, _MOVED = 0.1, 1.0 / 3.0
+#: Share of the speed of a tug at which the wheels are at rest again: a drive may lag by half a second.
+_AT_REST = 0.1
+
+#: Share of the way of a tug by which a unit is seen to move that is not held: backlash may take up half of
+#: the way.
+MOVED = 1.0 / 3.0
 
 
 def verify(c: DockingContext) -> Twist | Transition:
     """Compare what is seen with the view of a seated unit; lock and switches have to agree as well.
 
     Sight that alone disagrees may be wrong itself, and sight that would not show pins half out of the holes
-    tells little: then a tug test decides.
+    tells little, as do switches that were closed away from the port: then a tug test decides.
     """
     check, tuning, view = c.spec.verify, c.tuning, c.view
     against = loosened(c)
@@ -32,7 +35,9 @@ def verify(c: DockingContext) -> Twist | Transition:
         if closed and enough:
             short = shortest_seen(c, view)
             reason = f"locked, and seen seated at {view}; a gap of {1e3 * short:.1f} mm would have been seen"
-            tug = check.tug_m > 0.0 and short > _HALF_OUT * c.setup.pin_reach
+            if c.distrusts:
+                reason += "; the seat switches tell nothing"
+            tug = check.tug_m > 0.0 and (c.distrusts or short > _HALF_OUT * c.setup.pin_reach)
             return Transition(Phase.TUG_TEST if tug else Phase.DONE, reason)
     if c.memory.lasted(c.now_ns) > check.time_s:
         seen = "not seen" if view is None else f"seen at {view}"
@@ -74,13 +79,13 @@ def tug_test(c: DockingContext) -> Twist | Transition:
         return Twist(-speed, 0.0)
     rested_s = memory.arrived.update(abs(twist.v) < _AT_REST * speed, c.now_ns)
     moved = view.gap - memory.before.gap
-    held = rested_s - view.age > tuning.settle_s and moved < _MOVED * check.tug_m
+    held = rested_s - view.age > tuning.settle_s and moved < MOVED * check.tug_m
     if memory.frames_in_a_row(view.last_seen_ns, held) >= tuning.frames:
         c.seat = view
         return Transition(Phase.DONE, f"locked, and held in a tug test; seen at {view}")
     if late or rested_s > tuning.settle_s + check.time_s:
         reason = f"locked, but seen to move by {1e3 * moved:.1f} mm in a tug test"
-        if moved < _MOVED * check.tug_m:
+        if moved < MOVED * check.tug_m:
             frames = f"{memory.frames} of the {tuning.frames} frames"
             reason = f"locked, but seen in {frames} that a tug test takes"
         return Transition.back_out(reason, FailureReason.NOT_VERIFIED)

@@ -176,6 +176,8 @@ class CornerUpdate:
             mean, covariance, chi2 = fit.state, fit.covariance, fit.chi2
             cost = fit.cost - _log_determinant(information) - _log_determinant(covariance)
         mean[YAW] = math.remainder(mean[YAW], 2.0 * math.pi)
+        # Near a port each exposure shows a tag or two, and a wrong pose may agree with one of them alone.
+        rejected = 0 if len(seen.which) == len(tags) else prior.rejected
         found = scale * chi2 / seen.corners.size
         scale = (1.0 - _NOISE_SHARE) * scale + _NOISE_SHARE * found
         return replace(
@@ -183,7 +185,7 @@ class CornerUpdate:
             mean=mean,
             covariance=covariance,
             last_seen_ns=prior.stamp_ns,
-            rejected=0,
+            rejected=rejected,
             noise_scale=min(max(scale, 1.0), _LARGEST_SCALE),
             cost=prior.cost + cost + self._gate(8) * (len(tags) - len(seen.which)),
         )

@@ -66,7 +66,7 @@ class FilterStep:
             prior = replace(prior, wheels_until_ns=self._motion.wheels_until(prior))
         undetermined = _is_undetermined(prior)
         after = agreeing = None if undetermined else self._update.correct(prior, measurement, rates)
-        rejected = 0 if agreeing is not None else prior.rejected + 1
+        rejected = agreeing.rejected if agreeing is not None else prior.rejected + 1
         anew = undetermined or rejected >= self._reset_after
         if not anew and doubts_wheels(prior, measurement, rejected):
             after = self._update.correct(self._motion.doubting(prior), measurement, rates) or agreeing

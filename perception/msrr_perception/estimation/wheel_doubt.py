@@ -21,7 +21,8 @@ def doubts_wheels(prior: FilterState, measurement: Measurement, rejected: int) -
     Args:
         prior: State at the measurement, by the wheels.
         measurement: The measurement.
-        rejected: Number of measurements in a row, this one included, that do not agree with the wheels.
+        rejected: Number of measurements, this one included, that do not agree with the wheels, since the last
+            one of which everything did.
     """
     if isinstance(measurement, Detections) and prior.stamp_ns - prior.last_seen_ns > _UNTOLD_NS:
         return False

@@ -26,7 +26,7 @@ class FilterState:
         covariance: Covariance of the mean, shape (n, n).
         wheels: Encoder angles up to which motion is accounted for; None while no reading is known.
         last_seen_ns: Exposure time of the last measurement that passed the gate.
-        rejected: Number of exposures in a row of which nothing passed the gate.
+        rejected: Number of exposures of which nothing passed the gate since the last of which everything did.
         noise_scale: Variance of the corners, as their residuals show it, over that by the data sheet.
         wheels_until_ns: Time until which the last measurement rests on what the wheels did [ns].
         wheels_doubted_ns: Exposure time of the last measurement that agrees only if the wheel readings are

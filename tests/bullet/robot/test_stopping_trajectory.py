@@ -228,6 +228,55 @@ def test_the_predicted_trajectory_ends_where_a_simulated_unit_does(
         assert abs(off.yaw) < 5e-3
 
 
+def test_no_smaller_clearance_on_the_way_is_missed(scene: Scene) -> None:
+    """Beside a post, at speed: measured after each centimetre, against measurements at every pose.
+
+    What is above the threshold does not matter. In some cases a unit is nearest to the post on its way, and
+    not at its end.
+    """
+    scene = scene.model_copy(update={"link": scene.link.model_copy(update={"latency_ms": 800.0})})
+    rng, model, on_the_way, matters = np.random.default_rng(4), ClearanceModel.from_scene(scene), 0, 0
+    reaches = {**REACHES, "a": scene.geometry("a").circumradius}
+    for _ in range(60):
+        before, command = (
+            Twist(float(rng.choice([-0.4, 0.4])), float(rng.uniform(-0.8, 0.8))) for _ in range(2)
+        )
+        side = float(rng.choice([-1.0, 1.0]) * rng.uniform(0.15, 0.3))
+        X_WU = SE2(-0.2 * math.copysign(1.0, before.v), side, float(rng.uniform(-0.4, 0.4)))
+        trajectory = StoppingTrajectory(scene)
+        for k in range(100):
+            trajectory.advance(k * 20_000_000)
+            trajectory.send(before)
+        local_map = LocalMap(model, _known(X_WU, NOTHING, NOTHING, NOTHING), reaches, ["post"])
+        present = local_map.distance(X_WU)
+        poses = [SE2(x, y, yaw) for x, y, yaw, _ in trajectory._poses(command, reaches["a"])]
+        distances = [present, *(local_map.distance(X_WU @ X) for X in poses)]
+        smallest = min(distances)
+        on_the_way += smallest < min(present, distances[-1]) - 0.02
+        for threshold in (0.03, 0.08, 0.15):
+            found = trajectory.min_clearance(command, X_WU, present, local_map, threshold)
+            assert found >= smallest - 1e-9
+            if smallest < threshold:
+                matters += 1
+                assert found <= smallest + 0.002
+    assert on_the_way >= 5
+    assert matters >= 40
+
+
+def test_a_trajectory_ends_when_both_speeds_have_fallen_and_nothing_is_under_way(scene: Scene) -> None:
+    """And not before a brake that takes seconds has stopped the unit."""
+    slow = {"a_max_mps2": 0.1, "dw_max_radps2": 0.4}
+    scene = scene.model_copy(update={"limits": scene.limits.model_copy(update=slow)})
+    for command in (Twist(0.3, 0.0), Twist(0.0, 1.2), Twist(0.3, -0.2)):
+        trajectory = StoppingTrajectory(scene)
+        for k in range(300):
+            trajectory.advance(k * 20_000_000)
+            trajectory.send(command)
+        *_, (x, y, yaw, _) = trajectory._poses(Twist(), 0.1)
+        assert math.hypot(x, y) >= 0.5 * command.v**2 / 0.1 - 0.005
+        assert abs(yaw) >= 0.5 * command.w**2 / 0.4 - 0.01
+
+
 def test_commands_under_way_are_driven_before_the_new_one_arrives(scene: Scene) -> None:
     """At rest, 0.1 s of latency: a stop that is sent now does not stop the commands that are on the link."""
     scene = scene.model_copy(update={"link": scene.link.model_copy(update={"latency_ms": 100.0})})

@@ -193,6 +193,19 @@ def test_a_stuck_seat_switch_does_not_prevent_a_docking(shipped: Load) -> None:
     assert run_trial(shipped("stuck_seat_switch", clear, blind=True), SEED).outcome is Outcome.DOCKED
 
 
+def test_a_unit_that_gives_up_because_its_lock_gives_way_in_a_tug_test_is_right(shipped: Load) -> None:
+    """The pins were seated, but nothing held them: to give up was no false abort.
+
+    A marker that sits 6 mm deeper than drawn lets the unit see itself off its seat, and test its lock.
+    """
+    deeper = {"as_built.bracket.x_m": "0.006", "perception": "parametric", "docking.attempts": "1", **BRIEF}
+    result = run_trial(shipped("weak_lock", deeper), SEED)
+    (step,) = result.steps
+    assert "in a tug test" in step.belief_reason
+    assert (result.outcome, step.belief) == (Outcome.LOCK_FAILED, "gave_up")
+    assert result.reason == step.belief_reason
+
+
 def test_touching_the_target_beside_its_port_is_a_collision(shipped: Load) -> None:
     """The docking pair may touch where it docks and nowhere else."""
     misaligned = {"faults": "[{kind: camera_misaligned, unit: a, yaw_deg: 25}]", "docking.attempts": "1"}

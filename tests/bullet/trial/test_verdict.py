@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from msrr_bullet.trial.step_result import AttemptRecord, PlanarPose, StepResult
+from msrr_bullet.trial.step_result import AttemptRecord, Belief, PlanarPose, StepResult
 from msrr_bullet.trial.trial import Trial
 from msrr_bullet.trial.verdict import Verdict, decisive_step, verdict_on_trial
 from msrr_scenes.loading.load import load_scene
@@ -18,7 +18,7 @@ COMPLETE = Verdict(Outcome.COMPLETE, "all tasks are done")
 LOCK = "the lock of c at a.left failed"
 
 
-def step(outcome: Outcome, ended_s: float = 5.0, reason: str = "") -> StepResult:
+def step(outcome: Outcome, ended_s: float = 5.0, reason: str = "", belief: Belief = "docked") -> StepResult:
     here = PlanarPose(x_m=-0.1, y_m=0.0, yaw_rad=0.0)
     attempt = AttemptRecord(ended_s=ended_s, phase=Phase.DONE, reason="", believed=None, true=here)
     return StepResult(
@@ -28,7 +28,7 @@ def step(outcome: Outcome, ended_s: float = 5.0, reason: str = "") -> StepResult
         target="b.rear",
         outcome=outcome,
         verdict_reason=reason,
-        belief="docked",
+        belief=belief,
         belief_reason="seen seated",
         started_s=0.0,
         attempts=(attempt,),
@@ -37,6 +37,8 @@ def step(outcome: Outcome, ended_s: float = 5.0, reason: str = "") -> StepResult
 
 DOCKED, JAMMED, ABORTED = step(Outcome.DOCKED), step(Outcome.JAMMED, 9.0), step(Outcome.ABORTED, 3.0)
 FALSE_DOCK = step(Outcome.FALSE_DOCK, reason="the lock holds nothing")
+WEAK = step(Outcome.LOCK_FAILED, reason="the lock failed the pull test")
+GAVE_WAY = step(Outcome.LOCK_FAILED, belief="gave_up")
 
 
 def test_the_decisive_step_is_the_first_to_end_without_success() -> None:
@@ -54,6 +56,8 @@ def test_the_decisive_step_is_the_first_to_end_without_success() -> None:
         (None, (FALSE_DOCK,), None, Verdict(Outcome.FALSE_DOCK, "the lock holds nothing")),
         (COMPLETE, (DOCKED, JAMMED), None, COMPLETE),  # the base station has answered a jam
         (COMPLETE, (FALSE_DOCK,), None, Verdict(Outcome.FALSE_DOCK, "a at b.rear: the lock holds nothing")),
+        (COMPLETE, (WEAK,), None, Verdict(Outcome.LOCK_FAILED, "a at b.rear: the lock failed the pull test")),
+        (COMPLETE, (GAVE_WAY, DOCKED), None, COMPLETE),  # the unit has told that its lock gave way
         (COMPLETE, (DOCKED,), LOCK, Verdict(Outcome.LOCK_FAILED, LOCK)),
         (COLLISION, (FALSE_DOCK,), LOCK, COLLISION),
         (LATE, (), LOCK, LATE),

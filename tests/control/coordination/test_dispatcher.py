@@ -307,6 +307,34 @@ def test_another_unit_gets_a_task_for_which_the_nearest_finds_no_route(setup: Co
     assert base.under_way == {"d": "place"}
 
 
+def test_of_the_others_the_nearest_with_a_route_gets_the_task(setup: CoordinationSetup) -> None:
+    """Two units are boxed in, each in its corner; of the two in the open the nearer one goes."""
+    x0, _, y0, y1 = setup.finder.box
+    room = setup.lanes.spec.border_m + setup.lanes.body.offset
+    corners = {
+        "a": SE2(x0 + room, y0 + room, 0.25 * math.pi),
+        "b": SE2(x0 + room, y1 - room, -0.25 * math.pi),
+    }
+    units = _units(**corners, far=SE2(1.7, 0.9, 0.0), near=SE2(0.4, 0.9, 0.0))
+    for name, X in corners.items():
+        units[f"before_{name}"] = UnitRecord(
+            f"before_{name}", X @ SE2(0.24, 0.0, 0.0), state=UnitState.FAILED
+        )
+    base = Base(setup, units, [Task("place", TaskKind.MOVE, pose=SE2(-0.9, -0.4, 0.0), stays=True)])
+    assert base.dispatcher.assigner.assignment(base.tasks) == {"place": "a"}
+    assert base.dispatch()
+    assert base.under_way == {"near": "place"}
+
+
+@pytest.mark.parametrize("unseen", ["a", "b"])
+def test_nobody_makes_way_while_nobody_knows_from_where_or_where_to(
+    unseen: str, setup: CoordinationSetup
+) -> None:
+    units = _units(**{name: X for name, X in (("a", A), ("b", B), ("c", IN_LANE)) if name != unseen})
+    units[unseen] = UnitRecord(unseen)
+    assert not Base(setup, units).dispatch()
+
+
 def test_a_unit_that_has_stopped_short_is_docked_to_when_nobody_drives_to_where_it_was_to_be(
     setup: CoordinationSetup,
 ) -> None:

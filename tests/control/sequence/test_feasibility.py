@@ -22,6 +22,10 @@ from msrr_scenes.loading.load import load_scene
             {"docking.verify.time_s": "0.15"},
             r"docking.verify.time_s: 3 pictures .* takes 0.16 s .* found 0.15",
         ),
+        (
+            {"as_built": "rough", "docking.verify.tug_m": "0.02"},  # 24 deg of wheels of 33 mm are 13.8 mm
+            r"docking.verify.tug_m: .* 8 deg .* take up 0.0138 m, .* raise it to 0.0207, .* found 0.02$",
+        ),
     ],
 )
 def test_what_no_unit_can_dock_by_is_refused(changes: Mapping[str, str], said: str) -> None:
@@ -37,6 +41,12 @@ def test_units_of_a_shape_have_to_leave_their_ports_as_well(scene: str) -> None:
     check_sequence(load_scene(scene))
     with pytest.raises(SceneError, match=r"a unit has left b\.rear when"):
         check_sequence(load_scene(scene, {"docking.retreat_m": "0.02"}))
+
+
+@pytest.mark.parametrize(("tug_m", "by_sight"), [("0", "true"), ("0.021", "true"), ("0.001", "false")])
+def test_a_tug_is_long_enough_or_there_is_none(tug_m: str, by_sight: str) -> None:
+    changes = {"docking.verify.tug_m": tug_m, "docking.verify.by_sight": by_sight}
+    check_sequence(load_scene("close_range", {"as_built": "rough", **changes}))
 
 
 def test_a_seat_that_is_not_looked_at_needs_no_pictures() -> None:

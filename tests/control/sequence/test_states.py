@@ -741,6 +741,25 @@ def test_a_unit_tugs_when_a_picture_of_what_is_behind_it_arrives(facts: DockSetu
     assert (tugs.phase, tugs.twist) == (Phase.TUG_TEST, Twist(-desk.spec.press_mps))
 
 
+@pytest.mark.parametrize("away", [False, True])
+def test_seat_switches_that_were_closed_away_from_the_port_are_not_believed(desk: Desk, away: bool) -> None:
+    """A unit whose switches are stuck stopped short of its seat, where sight alone did not show it."""
+    desk.to_dock()
+    for gap in (0.3, 0.1, 0.05):
+        desk.ask(desk.at(gap), closed=away)
+    began = desk.now_ns
+    action = desk.ask(desk.at(0.002), closed=True)
+    while action.phase is Phase.DOCK:
+        assert action.twist.v == (desk.spec.press_mps if away else 0.0)
+        action = desk.ask(desk.at(0.002), closed=True)
+    assert (seconds(desk.now_ns - began) > desk.spec.stall_time_s) is away
+    action = desk.ask(desk.at(0.002), closed=True, lock=(LockPosition.CLOSED, desk.now_ns + DT_NS))
+    while action.phase is Phase.VERIFY:
+        action = desk.ask(desk.at(0.002), closed=True)
+    assert action.phase is (Phase.TUG_TEST if away else Phase.DONE)
+    assert ("the seat switches tell nothing" in action.reason) is away
+
+
 def test_a_tug_is_measured_by_what_the_collision_monitor_passes(desk: Desk) -> None:
     """Half the speed takes twice the time; nothing for as long as it may take ends the attempt."""
     times = {}
