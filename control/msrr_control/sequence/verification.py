@@ -48,8 +48,7 @@ def verify(c: DockingContext) -> Twist | Transition:
                 return Transition(Phase.TUG_TEST, f"locked, but {seen}")
             seen += ". The seat is false, or camera or marker are off by more than their tolerances"
         elif view is not None and closed:
-            frames = f"{c.memory.frames} of the {tuning.frames} frames"
-            seen += f" in {frames} for which docking.verify.time_s = {check.time_s:g} has to be enough"
+            seen += _in_too_few_frames(c)
         return Transition.back_out(f"locked, but {seen}", FailureReason.NOT_VERIFIED)
     return STILL
 
@@ -86,10 +85,18 @@ def tug_test(c: DockingContext) -> Twist | Transition:
     if late or rested_s > tuning.settle_s + check.time_s:
         reason = f"locked, but seen to move by {1e3 * moved:.1f} mm in a tug test"
         if moved < MOVED * check.tug_m:
-            frames = f"{memory.frames} of the {tuning.frames} frames"
-            reason = f"locked, but seen in {frames} that a tug test takes"
+            reason = f"locked, but seen{_in_too_few_frames(c)} after a tug"
         return Transition.back_out(reason, FailureReason.NOT_VERIFIED)
     return STILL
+
+
+def _in_too_few_frames(c: DockingContext) -> str:
+    """Return in words in how many frames a seat was seen, and the key that gives a unit time for more."""
+    frames, needed = c.memory.frames, c.tuning.frames
+    time_s = c.spec.verify.time_s
+    return (
+        f" in {frames} of the {needed} frames for which docking.verify.time_s = {time_s:g} has to be enough"
+    )
 
 
 def done(c: DockingContext) -> Twist | Transition:

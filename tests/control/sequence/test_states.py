@@ -729,6 +729,16 @@ def test_frames_exposed_while_the_wheels_still_turn_say_nothing(desk: Desk) -> N
     assert _tug(desk, desk.at(0.0)).phase is Phase.DONE
 
 
+def test_a_unit_that_gets_no_picture_after_a_tug_names_the_key_that_gives_it_time(desk: Desk) -> None:
+    _to_tug(desk)
+    action = _tug(desk, desk.at(0.0), exposed_ns=desk.now_ns)
+    assert action.phase is Phase.RETREAT
+    key = f"docking.verify.time_s = {desk.spec.verify.time_s:g}"
+    assert (
+        action.reason == f"locked, but seen in 0 of the 3 frames for which {key} has to be enough after a tug"
+    )
+
+
 def test_a_unit_tugs_when_a_picture_of_what_is_behind_it_arrives(facts: DockSetup) -> None:
     """What the collision monitor knew before may be too long ago to let it drive backwards at all."""
     desk = Desk(facts, assembler=_InPlace())
