@@ -78,6 +78,7 @@ class TargetModel:
         corner_errors: Errors of the corners of tags, by data sheet of the camera.
         tolerances: Tolerances of all of this calibration.
         frame_period_s: Time between two exposures of the camera [s].
+        exposure_s: Time for which a pixel of the camera is exposed [s].
         shutter: When the camera exposes the rows of a frame, by data sheet.
         latency_s: Time from an exposure of the camera to the arrival of its tags [s].
         to_light: Grey level of every pixel value on a straight tone curve, shape (256,); None if the camera
@@ -100,6 +101,7 @@ class TargetModel:
     corner_errors: CornerErrors
     tolerances: Tolerances
     frame_period_s: float
+    exposure_s: float
     shutter: RollingShutter
     latency_s: float
     to_light: Pixels | None
@@ -180,6 +182,7 @@ class TargetModel:
             corner_errors=CornerErrors.from_spec(spec, UPRIGHT_CONTRAST),
             tolerances=Tolerances.from_spec(scene.as_built),
             frame_period_s=1.0 / spec.rate_hz,
+            exposure_s=1e-3 * spec.exposure_ms,
             shutter=spec.rolling_shutter,
             latency_s=1e-3 * spec.latency_ms,
             to_light=straight_tone(spec),

@@ -7,6 +7,7 @@ import random
 import time
 import tracemalloc
 from collections.abc import Callable
+from dataclasses import replace
 from operator import itemgetter
 from typing import Any
 
@@ -181,6 +182,26 @@ def test_asking_does_not_change_the_answer(target: TargetModel, scene: Scene, ma
     assert b is not None
     assert a.X_DU == b.X_DU
     assert np.array_equal(a.covariance, b.covariance)
+
+
+@pytest.mark.parametrize(("turn_radps", "counts_less"), [(0.2, False), (0.8, True)])
+def test_corners_of_tags_that_a_turn_smears_by_more_than_half_a_module_count_less(
+    target: TargetModel, scene: Scene, make_drive: MakeDrive, turn_radps: float, counts_less: bool
+) -> None:
+    """In 10 ms at 0.8 rad/s a tag moves by 3.3 px; at 0.8 m half a module has 1.4 or 1.7 px."""
+    covariances = []
+    for exposure_s in (0.0, 0.01):
+        drive = make_drive(0, speed=lambda X: (0.0, turn_radps), scale_error=0.0, sigma=0.03)
+        ekf = _ekf(replace(target, exposure_s=exposure_s), scene, corner_sigma_px=None)
+        _follow(drive, ekf, 40)
+        found = ekf.estimate(drive.now_ns)
+        assert found is not None
+        covariances.append(found.covariance)
+    instant, exposed = covariances
+    if counts_less:
+        assert np.diag(exposed)[1] > 4.0 * np.diag(instant)[1]
+    else:
+        np.testing.assert_array_equal(exposed, instant)
 
 
 def test_delay_compensation_takes_the_lag_away(
