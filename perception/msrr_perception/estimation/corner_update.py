@@ -205,7 +205,7 @@ class CornerUpdate:
         target = self._target
         turn = abs(float(rates.velocity[len(rates.velocity) // 2, 2]))
         smear_px = target.exposure_s * target.camera.focal * turn
-        if smear_px == 0.0:
+        if smear_px <= _SMEAR_MODULES:  # no tag can be read whose modules have less than a pixel
             return measured
         corners = measured.corners.reshape(-1, 4, 2)
         edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
