@@ -25,8 +25,9 @@ See = Callable[..., Any]
 GATE = 0.9999
 
 
-def _variances(target: TargetModel, tags: list[TagDetection], scale: float) -> CornerVariances:
-    """Return what the data sheet and the image say of corners; constants as the filter documents them."""
+def _variances(target: TargetModel, tags: list[TagDetection], rates: Rates, scale: float) -> CornerVariances:
+    """Return what data sheet, image and smear say of corners; constants as the filter documents them."""
+    smear_px = target.exposure_s * target.camera.focal * abs(rates.velocity[len(rates.velocity) // 2, 2])
     errors, noise, place, changing, border, rest = target.corner_errors, [], [], [], [], []
     for tag in tags:
         (ax, ay), (bx, by), (cx, cy), (dx, dy) = tag.corners
@@ -37,7 +38,9 @@ def _variances(target: TargetModel, tags: list[TagDetection], scale: float) -> C
         changing.append(scale * 0.6 * by_border**2)
         border.append(np.sqrt(0.4) * by_border)
         modelled = scale * errors.corner_variance(edge)
-        sigmas = np.zeros(4) if tag.corner_sigma_px is None else tag.corner_sigma_px
+        longest = max(np.hypot(*(tag.corners[k] - tag.corners[k - 1])) for k in range(4))
+        smeared = 0.3 if smear_px > 0.5 * longest / 8.0 else 0.0
+        sigmas = np.hypot(np.zeros(4) if tag.corner_sigma_px is None else tag.corner_sigma_px, smeared)
         rest.append([scale * 0.005**2 + surplus(sigma**2, modelled) for sigma in sigmas])
     return CornerVariances(*map(np.array, (noise, place, changing, border, rest)))
 
@@ -51,7 +54,7 @@ def _by_numpy(
     corners = np.array([t.corners.reshape(8) for t in tags])
     after = target.shutter.after_stamp(corners[:, 1::2])
     measured = MeasuredCorners(which, corners, np.zeros((len(tags), 4)), after)
-    variances = _variances(target, tags, prior.noise_scale)
+    variances = _variances(target, tags, rates, prior.noise_scale)
     roots = roots_of_covariance(
         target.optics, layout.tags, measured, rates, m, variances, target.frame_period_s
     )
