@@ -210,9 +210,7 @@ class CornerUpdate:
         corners = measured.corners.reshape(-1, 4, 2)
         edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
         more = np.where(smear_px > _SMEAR_MODULES * edges / TAG_MODULES, _SMEARED_PX, 0.0)
-        return (
-            measured._replace(sigma_px=np.hypot(measured.sigma_px, more[:, None])) if more.any() else measured
-        )
+        return measured._replace(sigma_px=np.hypot(measured.sigma_px, more[:, None]))
 
     def cost_outside(self, measurement: Measurement) -> float:
         """Return the cost of a measurement that lies outside the gate: at least that of its border."""

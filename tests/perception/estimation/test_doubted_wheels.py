@@ -87,9 +87,8 @@ def test_images_prevail_where_one_of_three_agrees_with_a_failed_encoder(careful:
     ekf = CornerEkf(target, careful.odometry, corner_sigma_px=0.3)
     drive = Drive(target, 0, SE2(-0.11, 0.0, 0.0), tags=tuple(target.corners_D))
     windows, held, images = ((13,), (11, 16), (12,)), None, 0
+    drive.speed = lambda _: (-0.05 if 51 < drive.tick <= 111 else 0.0, 0.0)
     while drive.tick < 200:
-        speed = -0.05 if 50 < drive.tick <= 110 else 0.0
-        drive.speed = lambda _, v=speed: (v, 0.0)  # type: ignore[misc]
         reading, picture = drive.step()
         held = reading if drive.tick <= 50 else held
         assert held is not None
