@@ -22,7 +22,7 @@ $(STAMP): pyproject.toml constraints.txt
 
 # What tests and linters need besides.
 $(DEV): $(STAMP)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group dev
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group dev --editable ".[gym]"
 	touch $(DEV)
 
 demo: $(STAMP)
@@ -37,7 +37,7 @@ test: $(DEV)
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not nightly"
 
 nightly: $(DEV)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group notebook --editable ".[dask,profile,pyapriltags,rerun]"
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group notebook --editable ".[dask,gym,profile,pyapriltags,rerun]"
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 # The tests with the lowest versions that pyproject.toml admits. Pip does not choose them; uv does.
@@ -45,7 +45,7 @@ lowest: $(DEV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group lowest
 	$(BIN)/uv venv --quiet --clear --python $(BIN)/python $(VENV)/lowest
 	$(BIN)/uv pip install --quiet --python $(VENV)/lowest/bin/python --resolution lowest-direct \
-		--group dev --editable ".[dask,profile,pyapriltags,rerun]"
+		--group dev --editable ".[dask,gym,profile,pyapriltags,rerun]"
 	$(VENV)/lowest/bin/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not nightly"
 
 check: $(DEV)
