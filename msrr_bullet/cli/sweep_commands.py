@@ -209,7 +209,7 @@ def _run_trials(
             prepare_cameras(scene, say)
         return run(jobs or DEFAULT_JOBS).interrupted, None
     except StoreError as error:
-        return True, StoreError(f"{error}; --store names another one, --fresh uses none")
+        return True, StoreError(f"{error} (--store), or none (--fresh)")
     except (Terminated, ChangedFileError) as error:
         return True, error
 

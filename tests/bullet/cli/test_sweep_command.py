@@ -102,7 +102,7 @@ def test_a_store_that_cannot_be_opened_is_told_with_the_options(
     store.write_text("no database")
     assert run(["sweep", "close_range", *short_trial, "--seeds", "0:1", "--jobs", "1"]) == 2
     said = "runs/sweeps.sqlite: cannot be opened as a store of trials (file is not a database); name another"
-    assert f"{said} store; --store names another one, --fresh uses none" in capsys.readouterr().err
+    assert f"{said} store (--store), or none (--fresh)" in capsys.readouterr().err
     assert store.read_text() == "no database"
 
 
