@@ -6,11 +6,12 @@ Importing this module registers the environment as ``msrr_bullet/Docking-v0``.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ from msrr_scenes.specs.scene import Scene
 
 try:
     import gymnasium
-    from greenlet import getcurrent, greenlet
+    from greenlet import GreenletExit, getcurrent, greenlet
 except ImportError as error:
     raise MissingPackageError(
         f"msrr_bullet.gym needs {error.name}, which is not installed: pip install 'msrr-bullet[gym]'"
@@ -92,9 +93,11 @@ class _Episode(greenlet):
         self._scene, self._seed, self._out = scene, seed, out
         self._agent = getcurrent()
 
-    def run(self, _: None) -> TrialResult:
-        """Run the trial, in the greenlet."""
-        return run_trial(self._scene, self._seed, out=self._out, observer=self._note)
+    def run(self, _: None) -> TrialResult | None:
+        """Run the trial, in the greenlet; return None if it was abandoned."""
+        with suppress(_AbandonedError):
+            return run_trial(self._scene, self._seed, out=self._out, observer=self._note)
+        return None
 
     def _note(self, progress: Progress) -> None:
         self.progress = progress
@@ -111,14 +114,16 @@ class _Episode(greenlet):
 
     def ask(self, inputs: ControlInputs) -> Twist:
         """Return the command for an instant of the trial, which waits here until the agent has acted."""
-        command: Twist = self._agent.switch(inputs)
+        try:
+            command: Twist = self._agent.switch(inputs)
+        except GreenletExit:
+            raise _AbandonedError from None
         return command
 
     def abandon(self) -> None:
-        """Stop the trial; its log, if it has one, ends here."""
+        """Stop the trial if it is under way; its log, if it has one, ends here."""
         if self:
-            with suppress(_AbandonedError):
-                self.throw(_AbandonedError)
+            self.throw()
 
 
 class DockingEnv(gymnasium.Env[Vector, Vector]):
@@ -191,6 +196,7 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
             np.array(lowest, dtype=np.float32), np.array(highest, dtype=np.float32)
         )
         self._episode: _Episode | None = None
+        self._leave: Callable[[], None] | None = None
         self._observation: Vector = np.zeros(len(_RANGES), dtype=np.float32)
 
     def reset(
@@ -214,14 +220,16 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
         out = known.pop("out", None)
         if known:
             raise ValueError(f"unknown option {next(iter(known))!r}; the only one is 'out', a run folder")
-        self.close()
         seed = None if seed is None else checked_seed(seed)
         super().reset(seed=seed)
         idle: list[TrialResult] = []
         while len(idle) < _MOST_IDLE:
             if seed is None:
                 seed = int(self.np_random.integers(2**31))
+            self.close()
             self._episode = _Episode(self.scene, seed, out)
+            # A trial refers to itself and would never end where an environment is dropped, not closed.
+            self._leave = finalize(self, self._episode.abandon)
             turn = self._episode.go_on()
             if isinstance(turn, ControlInputs):
                 self._observation = _observation(turn)
@@ -262,9 +270,9 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
 
     def close(self) -> None:
         """Stop the trial that is under way."""
-        if self._episode is not None:
-            self._episode.abandon()
-            self._episode = None
+        if self._leave is not None:
+            self._leave()
+        self._episode = self._leave = None
 
 
 def _observation(inputs: ControlInputs) -> Vector:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -182,16 +183,22 @@ def test_the_seed_of_the_first_reset_chooses_those_of_the_next(made: Callable[..
     assert len(set(seeds[0])) == 4
 
 
-def test_a_trial_that_is_left_ends_its_log(made: Callable[..., DockingEnv], tmp_path: Path) -> None:
-    env = made()
-    env.reset(seed=0, options={"out": tmp_path})
+@pytest.mark.parametrize("ending", ["closed", "forgotten"])
+def test_a_trial_that_is_left_ends_its_log(ending: str, tmp_path: Path) -> None:
+    """It has no result: neither did it fail, nor did the agent."""
+    env = DockingEnv("close_range", {**BLIND, **CALIBRATION})
+    observation, _ = env.reset(seed=0, options={"out": tmp_path})
     for _ in range(10):
-        env.step(stand(env._observation))
-    env.close()
+        env.step(stand(observation))
+    if ending == "closed":
+        env.close()
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            env.step(stand(observation))
+    del env
+    gc.collect()
+    assert read_log(tmp_path).complete
     assert read_log(tmp_path).end_ns() > 0
     assert not (tmp_path / "result.json").exists()
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        env.step(stand(env._observation))
 
 
 def test_trials_without_a_docking_phase_are_skipped_and_at_last_given_up(
