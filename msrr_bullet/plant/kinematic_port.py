@@ -134,6 +134,11 @@ class KinematicPort(PortMechanism):
         """Distance between the faces [m]."""
         return -self._X_DP.x
 
+    @property
+    def in_reach(self) -> bool:
+        """Whether the lock would hold the other unit if it became closed now."""
+        return self._inside and self._gap <= LOCK_REACH
+
     def switches(self) -> tuple[bool, bool]:
         """Return whether the seat switches (left, right) are closed; an ideal port closes both or none."""
         closed = self._inside and self._gap <= self._switch_travel
@@ -154,7 +159,7 @@ class KinematicPort(PortMechanism):
         return self._engaged
 
     def _catch(self) -> None:
-        self._engaged = self._inside and self._gap <= LOCK_REACH
+        self._engaged = self.in_reach
 
     def _release(self) -> None:
         self._engaged = False

@@ -58,6 +58,11 @@ class PortMechanism(ABC):
     def engaged(self) -> bool:
         """Whether the lock holds the other unit."""
 
+    @property
+    @abstractmethod
+    def in_reach(self) -> bool:
+        """Whether the lock would hold the other unit if it became closed now: both pins are in its reach."""
+
     @abstractmethod
     def switches(self) -> tuple[bool, bool]:
         """Return whether the seat switches (left, right) are closed."""
@@ -228,6 +233,11 @@ class Plant(ABC):
         """Return whether the lock of ``unit`` holds the other unit."""
         mechanism = self._mechanisms.get(unit)
         return mechanism is not None and mechanism.engaged
+
+    def lock_in_reach(self, unit: str) -> bool:
+        """Return whether the lock of ``unit`` holds the other unit, or would if it became closed now."""
+        mechanism = self._mechanisms.get(unit)
+        return mechanism is not None and (mechanism.engaged or mechanism.in_reach)
 
     def pins_touch(self, unit: str) -> bool:
         """Return whether a pin of ``unit`` touches the unit that it docks to."""

@@ -6,6 +6,7 @@ imports nothing of the simulator, and a replay runs it again from a log.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from msrr_bullet.profiler import NullProfiler, Profiler
@@ -138,7 +139,9 @@ class Autonomy:
             self.guard = CollisionMonitor(scene, step.unit, step)
         elif scene.cameras.overhead is not None:
             self._overhead = self._reader = OverheadReader(scene, step, target, detector)
-            self._assembler = build_assembler(scene.control.assembly, AssemblySetup.of(scene, step))
+            assembly = AssemblySetup.of(scene, step)
+            assembly = replace(assembly, place_sigma=self._reader.place_sigma(assembly.box))
+            self._assembler = build_assembler(scene.control.assembly, assembly)
             self.guard = CollisionMonitor(scene, step.unit, step, scene.docks_before(step))
         controller = build_controller(scene.control.docking, setup)
         # One that a base station leads is watched from one route to the next.

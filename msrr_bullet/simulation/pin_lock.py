@@ -77,6 +77,11 @@ class PinLock(PortMechanism):
         """Whether the lock holds nothing and contact between the two units is restored."""
         return not self.engaged and not self._contact_disabled
 
+    @property
+    def in_reach(self) -> bool:
+        """Whether the lock would hold the other unit if it became closed now: both pins are in its reach."""
+        return all(depth <= LOCK_REACH for depth in self._depths.left())
+
     def switches(self) -> tuple[bool, bool]:
         """Return whether the seat switches (left, right) are closed: pins near the bottom of the holes."""
         left, right = (depth <= self._switch_travel for depth in self._depths.left())
@@ -159,7 +164,7 @@ class PinLock(PortMechanism):
             self._constraint = None
 
     def _catch(self) -> None:
-        if not all(depth <= LOCK_REACH for depth in self._depths.left()):
+        if not self.in_reach:
             return
         X_WP = SE3.from_se2(self._world.pose(self.dock_step.unit)) @ self._X_UP
         parent, child = (self._root_pose(unit).inverse() @ X_WP for unit in (self._unit, self._target))

@@ -188,7 +188,8 @@ class Judge:
             )
         if port.gap < self._deepest:
             self._deepest, self._deepest_pose = port.gap, port
-        if not self._is_seated(port):
+        # A gap that counts as seated may leave the pins out of reach of the lock: to give up is right then.
+        if not (self._is_seated(port) and self._plant.lock_in_reach(self.step.unit)):
             self._seated_since = None
         elif self._seated_since is None:
             self._seated_since = now_ns

@@ -53,4 +53,5 @@ class Outcome(Enum):
     FALSE_DOCK = "false_dock"
     """The robot says docked; the pins are not seated or the lock holds nothing."""
     FALSE_ABORT = "false_abort"
-    """The robot gave up, or backed out for good, although the pins were seated in its last attempt."""
+    """The robot gave up, or backed out for good, although the pins were seated in its last attempt, in reach
+    of the lock."""

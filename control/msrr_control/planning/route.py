@@ -32,7 +32,8 @@ class RouteSpec(Spec):
         unit_margin_m: Distance kept from other units, beyond both bodies.
         around_margin_m: Distance kept from an obstacle that is driven around, beyond that of a wall, for each
             time that the unit was stopped on an earlier route.
-        border_m: Distance of the controlled point from the border of the arena.
+        border_m: Least distance of the controlled point from the border of the arena. It is larger where the
+            unit's place is known less well.
         least_run_m: Smallest distance along the path to an obstacle that can still be left to a wall.
         turn_radps: Turn rate that is assumed for turns on the spot.
     """

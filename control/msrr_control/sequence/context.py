@@ -218,7 +218,9 @@ class DockingContext:
         calibrate: Whether the unit has yet to calibrate before it docks.
         aim: Where the unit docks beside the axis.
         presses: Whether the unit presses on in its seat, as a seat switch has opened with the wheels at rest.
-        distrusts: Whether the seat switches were closed away from the port: they tell nothing of a seat.
+        distrusts: Whether the seat switches were closed away from the port, or before they should: they tell
+            nothing of a seat.
+        closed_gap: Gap that was seen when both seat switches closed [m]; None while one of them is open.
         seat: How the unit sees its seat, in which a tug test has shown it to be held; None before one.
         last_gap: Last known distance between the faces [m], updated by odometry; None while unknown.
     """
@@ -241,6 +243,7 @@ class DockingContext:
     aim: Aim = field(default_factory=Aim)
     presses: bool = False
     distrusts: bool = False
+    closed_gap: float | None = None
     seat: PortView | None = None
     last_gap: float | None = None
     _previous_ns: int | None = None

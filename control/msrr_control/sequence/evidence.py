@@ -83,6 +83,16 @@ def shortest_seen(c: DockingContext, view: PortView) -> float:
     return with_doubt(c.spec.verify.position_m, view.sigma_gap) + 2.0 * view.sigma_gap
 
 
+def closed_early(c: DockingContext, view: PortView) -> bool:
+    """Return whether the pins went on, after the seat switches had closed, by more than the switches travel.
+
+    Then the switches do not show a seat, and the pins may be out of reach of the lock. Errors of camera,
+    marker and map are the same in both views.
+    """
+    most = c.tuning.switch_travel_m + c.tuning.progress_m
+    return c.closed_gap is not None and c.closed_gap - view.gap > most
+
+
 def lock_is_open(c: DockingContext) -> bool:
     """Return whether the lock has reported that it is open."""
     report = c.observation.lock

@@ -31,8 +31,8 @@ def check_sequence(scene: Scene) -> None:
         least_m = DockSetup.of(scene, step).pin_reach + tuning.retreat.clear_m + tuning.arrived_m
         if scene.docking.retreat_m < least_m:
             raise SceneError(
-                f"docking.retreat_m: a unit has left {step.to} when it is {least_m:.3g} m away; raise it "
-                f"to that, found {scene.docking.retreat_m:g}"
+                f"docking.retreat_m: a unit has left {step.to} when it is {_rounded_up(least_m)} m away; "
+                f"raise it to that, found {scene.docking.retreat_m:g}"
             )
 
 
@@ -50,8 +50,8 @@ def _check_sight(scene: Scene, frames: int) -> None:
     needed_s = late_s + frames * period_s
     if docking.verify.by_sight and docking.verify.time_s < needed_s:
         raise SceneError(
-            f"docking.verify.time_s: {frames} pictures have to show the seat, which takes {needed_s:.3g} s "
-            f"with {camera_text}; raise it to that, found {docking.verify.time_s:g}"
+            f"docking.verify.time_s: {frames} pictures have to show the seat, which takes "
+            f"{_rounded_up(needed_s)} s with {camera_text}; raise it to that, found {docking.verify.time_s:g}"
         )
 
 
@@ -65,7 +65,14 @@ def _check_tug(scene: Scene) -> None:
     least_m = lost_m / (1.0 - MOVED)
     if verify.tug_m < least_m:
         raise SceneError(
-            f"docking.verify.tug_m: backlash of {sigma_deg:g} deg (1 sigma) may take up {lost_m:.3g} m, so "
-            f"that a unit that is not held is hardly seen to move; raise it to {least_m:.3g}, or set it to 0 "
-            f"for no tug test, found {verify.tug_m:g}"
+            f"docking.verify.tug_m: backlash of {sigma_deg:g} deg (1 sigma) of wheels of "
+            f"{1e3 * radius:.3g} mm may take up {lost_m:.3g} m, so that a unit that is not held is hardly "
+            f"seen to move; raise it to {_rounded_up(least_m)}, or set it to 0 for no tug test, found "
+            f"{verify.tug_m:g}"
         )
+
+
+def _rounded_up(least: float) -> str:
+    """Return a least value in three digits that are not less: whoever takes them is not refused again."""
+    digit = 10.0 ** (math.floor(math.log10(least)) - 2)
+    return f"{math.ceil(least / digit) * digit:.3g}"

@@ -80,6 +80,10 @@ def dock(c: DockingContext) -> Twist | Transition:
     tugs = spec.verify.by_sight and spec.verify.tug_m > 0.0
     if tugs and closed and view.gap > with_doubt(c.setup.pin_reach + tuning.contact_m, view.sigma_gap):
         c.distrusts = True
+    if not closed:
+        c.closed_gap = None
+    elif c.closed_gap is None:
+        c.closed_gap = view.gap
     if not at_port:
         c.memory.sigma_lateral = min(c.memory.sigma_lateral or math.inf, view.sigma_lateral)
     near = with_doubt(tuning.near_m, view.sigma_gap)

@@ -50,6 +50,7 @@ class PhaseTuning(Spec):
         capture_deg: Largest heading error from which the funnel still centres the pins.
         press_turn_radps: Largest turn rate while pressing.
         debounce_s: Time for which both switches have to stay closed, or open, to be believed.
+        switch_travel_m: Way of the pins from where the seat switches close to the bottom of the holes.
         near_m: Deviation from the seated gap that agrees with closed switches (verification by sight only).
         seated_gap_m: Gap that is left between the faces of a seated pair.
         progress_m: Smallest approach to the seat that counts as progress.
@@ -77,6 +78,7 @@ class PhaseTuning(Spec):
     capture_deg: Tolerance = 7.0
     press_turn_radps: NonNegative = 0.4
     debounce_s: Time = 0.1
+    switch_travel_m: Length = 0.002
     near_m: Length = 0.004
     seated_gap_m: Distance = 0.0
     progress_m: Length = 0.001

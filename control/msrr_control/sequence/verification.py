@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from msrr_control.sequence.context import STILL, DockingContext, Transition
-from msrr_control.sequence.evidence import Loosened, has_looked_behind, loosened, off_seat, shortest_seen
+from msrr_control.sequence.evidence import (
+    Loosened,
+    closed_early,
+    has_looked_behind,
+    loosened,
+    off_seat,
+    shortest_seen,
+)
 from msrr_scenes.messages import Belief, Conviction, FailureReason, Phase, Twist
 
 #: Share of the pins' length: sight that would not show a gap of it tells little about a seat.
@@ -21,7 +28,7 @@ def verify(c: DockingContext) -> Twist | Transition:
     """Compare what is seen with the view of a seated unit; lock and switches have to agree as well.
 
     Sight that alone disagrees may be wrong itself, and sight that would not show pins half out of the holes
-    tells little, as do switches that were closed away from the port: then a tug test decides.
+    tells little, as do switches that were closed away from the port, or too early: then a tug test decides.
     """
     check, tuning, view = c.spec.verify, c.tuning, c.view
     against = loosened(c)
@@ -33,6 +40,7 @@ def verify(c: DockingContext) -> Twist | Transition:
     if view is not None and check.by_sight:
         enough = c.memory.frames_in_a_row(view.last_seen_ns, off_seat(c, view) is None) >= tuning.frames
         if closed and enough:
+            c.distrusts = c.distrusts or (check.tug_m > 0.0 and closed_early(c, view))
             short = shortest_seen(c, view)
             reason = f"locked, and seen seated at {view}; a gap of {1e3 * short:.1f} mm would have been seen"
             if c.distrusts:

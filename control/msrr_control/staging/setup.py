@@ -43,6 +43,8 @@ class AssemblySetup:
         sigmas: Number of standard deviations by which the collision monitor takes bodies to be nearer.
         approach_m: Smallest distance between the faces from which the port is approached: an attempt that
             failed begins again there [m].
+        place_sigma: Largest standard deviations of the unit's place in W along x and y [m], by the
+            tolerances of the overhead camera.
     """
 
     unit: str
@@ -58,6 +60,7 @@ class AssemblySetup:
     rate_hz: float
     sigmas: float
     approach_m: float
+    place_sigma: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def of(cls, scene: Scene, step: DockStep) -> AssemblySetup:
@@ -93,6 +96,17 @@ class AssemblySetup:
             return x0, x1, y0, y1
         u0, u1, v0, v1 = self.in_view
         return max(x0, u0), min(x1, u1), max(y0, v0), min(y1, v1)
+
+    @property
+    def surely_inside(self) -> Bounds:
+        """Bounds within which a unit that is seen there is in the arena: x low, x high, y low, y high [m].
+
+        The border of what the overhead camera sees needs no such margin: errors of the camera shift where a
+        unit is seen in the arena, and not where it is in the picture.
+        """
+        x, y = (self.sigmas * sigma for sigma in self.place_sigma)
+        (x0, x1), (y0, y1) = self.arena.x_m, self.arena.y_m
+        return x0 + x, x1 - x, y0 + y, y1 - y
 
     @property
     def border(self) -> str:

@@ -91,7 +91,14 @@ class LongDistanceAssembler(Generic[State]):
         setup.check(params.pace.cruise_mps, params.widest_obstacle_m, params.route.border_m)
         self.params, self._setup, self._watch = params, setup, params.watch
         self._planner = RoutePlanner(
-            params.route, params.walls, params.pace, setup.box, setup.offset, setup.half_width, setup.border
+            params.route,
+            params.walls,
+            params.pace,
+            setup.box,
+            setup.offset,
+            setup.half_width,
+            setup.border,
+            setup.surely_inside,
         )
         self._follower = RouteFollower(law, self._planner, params.watch)
         self.progress: AssemblyProgress | None = None

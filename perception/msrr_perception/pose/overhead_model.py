@@ -19,6 +19,7 @@ from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.rolling_shutter import RollingShutter
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import GlobalPose, Pixels
 from msrr_scenes.specs.scene import Scene
@@ -115,6 +116,24 @@ class OverheadModel:
     def roof(self, unit: str) -> Array:
         """Return standard deviations of the place of the tag on the roof: x, y [m], yaw [rad] in U, (3,)."""
         return self.errors.roof(self.tags[self.tag_of[unit]])
+
+    def place_sigma(self, unit: str, places: Array) -> Array:
+        """Return how far off a unit may be seen by the errors of calibration, where that is worst.
+
+        Args:
+            unit: Name of the unit.
+            places: Places of the unit, shape (N, 2) [m].
+
+        Returns:
+            Largest standard deviations of its place in W, along x and y, shape (2,) [m].
+        """
+        sigmas = np.zeros((len(places), 2))
+        for k, (x, y) in enumerate(places.tolist()):
+            errors = self.errors.of(self.tags[self.tag_of[unit]], SE2(x, y, 0.0))
+            if errors is not None:
+                sigmas[k] = np.sqrt(np.diag(errors.own + errors.shared)[:2])
+        worst: Array = sigmas.max(axis=0)
+        return worst
 
     @cached_property
     def tag_of(self) -> Mapping[str, int]:

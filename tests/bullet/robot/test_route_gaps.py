@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from msrr_bullet.base_station.base_station import coordination_setup
+from msrr_bullet.robot.autonomy import Autonomy
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.staging.parameters import AssemblyParams
@@ -18,6 +19,9 @@ from msrr_perception.tracking.arena_tracker import ArenaTracker
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import ArenaEstimate, GlobalPose, MonitorState, ObstacleEstimate, Twist
+
+#: Period of the control [ns].
+DT_NS = 20_000_000
 
 #: How far two units that were built with care overshot the places at which they stopped [m].
 STRAY_M = 0.024
@@ -67,3 +71,21 @@ def test_a_unit_may_drive_along_its_route_past_a_post_however_badly_that_is_know
         here = SE2(float(axle[0]), float(axle[1]), heading)
         decision = CollisionMonitor(scene, "a", scene.docks[0]).limit(Twist(0.2), seen_from(here), 0)
         assert decision.state is not MonitorState.STOP, (s, here, decision)
+
+
+@pytest.mark.parametrize("grade", ["careful", "workshop", "rough"])
+def test_a_route_stays_in_the_arena_however_far_off_the_overhead_camera_sees_the_unit(grade: str) -> None:
+    """Poses as in a trial of grade rough in which a unit, seen 2.1 standard deviations off, drove out."""
+    scene = load_scene("four_units_cross", {"as_built": grade, "perception": "parametric"}).told()
+    robot = Autonomy(scene, next(step for step in scene.docks if step.unit == "d"))
+    for k in range(5):
+        for name, X_WU in (("d", SE2(-0.53, -1.03, 0.77)), ("b", SE2(0.51, 0.15, 0.07))):
+            robot.receive(GlobalPose(name, k * DT_NS, X_WU, 1e-6 * np.eye(3)))
+        robot.step(k * DT_NS)
+    assert robot.path is not None
+    x, y = min(robot.path.points, key=lambda point: point[1])
+    errors = OverheadModel.from_scene(scene, ("d",)).errors_of(GlobalPose("d", 0, SE2(x, y), np.eye(3)))
+    assert errors is not None
+    sigma = float(np.sqrt((errors.own + errors.shared)[1, 1]))
+    assert y - scene.control.guard.sigmas * sigma > scene.arena.y_m[0]
+    assert y - scene.arena.y_m[0] < 0.3, "the route leads along the border"

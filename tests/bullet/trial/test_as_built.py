@@ -26,6 +26,7 @@ from msrr_scenes.as_built import AsBuilt, BuiltCamera, BuiltDrive, BuiltFloor, B
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Twist
+from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement.placement import Placement, draw_placement
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.deviations import Deviation
@@ -135,6 +136,14 @@ def test_a_careful_trial_is_replayed_bit_for_bit(plant: str, perception: str, tm
     report = replay(tmp_path)
     assert report.identical, report.mismatches
     assert report.commands > 100
+
+
+def test_a_unit_whose_seat_switches_close_too_early_knows_that_its_lock_holds_nothing() -> None:
+    """It stopped before its pins were in reach of the lock, and believed that it was docked."""
+    scene = load_scene("close_range", {"as_built.body.switch_travel_m": "0.005"})
+    (step,) = Trial(scene, 17).run().steps
+    assert step.outcome is Outcome.DOCKED, step.verdict_reason
+    assert len(step.attempts) == 2
 
 
 @pytest.mark.parametrize("plant", ["bullet", "unicycle"])

@@ -227,16 +227,32 @@ def keep_seated(judge: Judge, ticks: int = 200) -> Judge:
     ],
 )
 def test_a_unit_is_seated_only_in_the_seat(
-    scene: Scene, x: float, y: float, yaw_deg: float, seated: bool
+    scene: Scene, x: float, y: float, yaw_deg: float, seated: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     crowded = beside(scene, x, y, math.radians(yaw_deg))
-    crowded.simulation.plant.begin_dock(scene.plan[0])
+    plant = crowded.simulation.plant
+    plant.begin_dock(scene.plan[0])
+    # An ideal port lets no pins in as far off as those of others may be.
+    monkeypatch.setattr(plant, "lock_in_reach", lambda unit: True)
     judge = keep_seated(crowded.judge())
     seating = judge.seating()
     assert (seating is not None and seating.seated) is seated
     # A seated unit that gives up is a false abort.
     verdict = judge.verdict_gave_up(FailureReason.NOT_LOCALISED, ever_detected=False)
     assert (verdict.outcome is Outcome.FALSE_ABORT) is seated
+
+
+@pytest.mark.parametrize(("x", "abort"), [(-0.0024, True), (-0.0026, False)])
+def test_who_gives_up_where_the_lock_cannot_hold_is_right(scene: Scene, x: float, abort: bool) -> None:
+    """Pins that jam 2.5 to 3 mm short are seated by the gap, and the lock does not reach them."""
+    crowded = beside(scene, x)
+    crowded.simulation.plant.begin_dock(scene.plan[0])
+    judge = keep_seated(crowded.judge())
+    seating = judge.seating()
+    assert seating is not None
+    assert seating.seated
+    verdict = judge.verdict_gave_up(FailureReason.NOT_VERIFIED, ever_detected=True)
+    assert (verdict.outcome is Outcome.FALSE_ABORT) is abort
 
 
 @pytest.mark.parametrize(

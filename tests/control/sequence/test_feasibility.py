@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 import pytest
@@ -24,7 +25,7 @@ from msrr_scenes.loading.load import load_scene
         ),
         (
             {"as_built": "rough", "docking.verify.tug_m": "0.02"},  # 24 deg of wheels of 33 mm are 13.8 mm
-            r"docking.verify.tug_m: .* 8 deg .* take up 0.0138 m, .* raise it to 0.0207, .* found 0.02$",
+            r"docking.verify.tug_m: .* 8 deg .* 33 mm may take up 0.0138 m, .* to 0.0208, .* found 0.02$",
         ),
     ],
 )
@@ -34,6 +35,28 @@ def test_what_no_unit_can_dock_by_is_refused(changes: Mapping[str, str], said: s
     """
     with pytest.raises(SceneError, match=said):
         check_sequence(load_scene("close_range", changes))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "changes"),
+    [
+        ("docking.verify.tug_m", "0.001", {"as_built": "rough"}),
+        ("docking.verify.tug_m", "0.001", {"as_built": "careful"}),
+        ("docking.verify.tug_m", "0.001", {"as_built.drive.backlash_deg": "{sigma: 0.7}"}),
+        ("docking.verify.time_s", "0.15", {"cameras.onboard.rate_hz": "23"}),
+        ("docking.retreat_m", "0.02", {}),
+    ],
+)
+def test_who_raises_a_value_as_a_message_says_is_not_refused_again(
+    key: str, value: str, changes: Mapping[str, str]
+) -> None:
+    """Rounded down, 0.0207 for a tug of at least 0.02073 m was refused as well."""
+    with pytest.raises(SceneError) as refused:
+        check_sequence(load_scene("close_range", {**changes, key: value}))
+    said = re.search(r"raise it to (\d[\d.]*\d)|takes ([\d.]+) s|when it is ([\d.]+) m", str(refused.value))
+    assert said is not None
+    least = next(number for number in said.groups() if number)
+    check_sequence(load_scene("close_range", {**changes, key: least}))
 
 
 @pytest.mark.parametrize("scene", ["assemble_line", "reconfigure"])

@@ -770,6 +770,26 @@ def test_seat_switches_that_were_closed_away_from_the_port_are_not_believed(desk
     assert ("the seat switches tell nothing" in action.reason) is away
 
 
+@pytest.mark.parametrize(
+    ("closed_at", "rests_at", "early"),
+    [(0.0025, 0.0, False), (0.0045, 0.001, True), (0.0045, 0.003, False)],
+)
+def test_pins_that_went_on_by_more_than_the_switches_travel_may_be_out_of_reach_of_the_lock(
+    desk: Desk, closed_at: float, rests_at: float, early: bool
+) -> None:
+    """Switches that closed 5 mm too early let the lock close on nothing where sight did not show it."""
+    desk.to_dock()
+    for closed, gap in ((True, 0.006), (False, 0.006), (True, closed_at)):  # the first one is a bounce
+        assert desk.ask(desk.at(gap), closed=closed).phase is Phase.DOCK
+    while desk.machine.phase is Phase.DOCK:
+        desk.ask(desk.at(rests_at), closed=True)
+    action = desk.ask(desk.at(rests_at), closed=True, lock=(LockPosition.CLOSED, desk.now_ns + DT_NS))
+    while action.phase is Phase.VERIFY:
+        action = desk.ask(desk.at(rests_at), closed=True)
+    assert action.phase is (Phase.TUG_TEST if early else Phase.DONE)
+    assert ("the seat switches tell nothing" in action.reason) is early
+
+
 def test_a_tug_is_measured_by_what_the_collision_monitor_passes(desk: Desk) -> None:
     """Half the speed takes twice the time; nothing for as long as it may take ends the attempt."""
     times = {}
