@@ -29,6 +29,7 @@ from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.estimator import ESTIMATORS, Estimator
 from msrr_perception.estimation.los import LosEstimator
 from msrr_perception.pose.target import TargetModel
+from msrr_perception.tracking.overhead_correction import OverheadCorrection
 from msrr_scenes.messages import (
     Action,
     ArenaEstimate,
@@ -129,6 +130,7 @@ class Autonomy:
         frames_only = scene.cameras.onboard.readout == "frames"  # then windows save nothing
         self._vision = OnboardVision(target, detector, full_every=1 if frames_only else FULL_FRAME_PERIOD)
         self._los_estimator = LosEstimator(target)
+        self._correction = OverheadCorrection(target) if scene.control.overhead_correction else None
         setup = DockSetup.of(scene, step)
         self._overhead: OverheadLocalizer | None = None
         self._reader: OverheadReader | None = None
@@ -247,6 +249,8 @@ class Autonomy:
         self.los = self._los_estimator.observe(now_ns, self._estimator)
         if self._overhead is not None:
             by_onboard_camera = self._phases.phase not in _FAR_PHASES
+            if self.estimate is not None:
+                self.estimate = self._corrected(self.estimate, self._overhead)
             self.arena = self._overhead.estimate(now_ns, self.estimate if by_onboard_camera else None)
         before = self._phases.phase
         action = self._phases.step(
@@ -274,6 +278,19 @@ class Autonomy:
             self._reader.restart_search()  # an obstacle may have appeared behind the unit
         action = self._feed_forward.apply(self._limit_by_clearance(action))
         return action if self._drive_watch is None else self._drive_watch.judge(action)
+
+    def _corrected(self, by_sight: PoseEstimate, overhead: OverheadLocalizer) -> PoseEstimate:
+        """Return the pose by the onboard camera, corrected by what the overhead camera shows on the way."""
+        correction, phase = self._correction, self._phases.phase
+        if correction is None:
+            return by_sight
+        if phase in _FAR_PHASES:
+            correction.reset()
+            return by_sight
+        from_above = None
+        if phase is Phase.DOCK and not correction.holds_at(by_sight):
+            from_above = overhead.in_dock_frame(by_sight.stamp_ns)
+        return correction.apply(by_sight) if from_above is None else correction.update(by_sight, from_above)
 
     def _learn_seat(self) -> None:
         """Keep what the unit has learned, now that it is docked; estimators of a user's own keep nothing."""

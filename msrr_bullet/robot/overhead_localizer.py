@@ -147,6 +147,10 @@ class OverheadLocalizer:
         """
         return self._estimator.estimate(now_ns, own)
 
+    def in_dock_frame(self, stamp_ns: int) -> PoseEstimate | None:
+        """Return the pose of the unit in the dock frame of its target by the overhead camera alone."""
+        return self._estimator.in_dock_frame(stamp_ns)
+
 
 class OverheadReader(OverheadLocalizer):
     """A localizer that reads the pictures of the overhead camera itself, for a unit on its own."""
@@ -158,7 +162,9 @@ class OverheadReader(OverheadLocalizer):
             SceneError: The scene has no overhead camera, or a unit of the step has no tag for it.
         """
         super().__init__(scene, step.unit, drive, step, standing_period_s=0.0)
-        self._vision = OverheadVision(self._model, (step.unit, step.target_unit), detector)
+        pair = (step.unit, step.target_unit)
+        self._vision = OverheadVision(self._model, pair, detector)
+        self._read_in_checks = pair if scene.control.overhead_correction else ()
         self._checked_ns = 0
 
     def receive(self, message: SensorMessage) -> None:
@@ -181,10 +187,14 @@ class OverheadReader(OverheadLocalizer):
         return now_ns - self._checked_ns >= _CHECK_PERIOD_NS or bool(self._estimator.moving())
 
     def check(self, exposure: Exposure, X_WU: SE2, fetch: Fetch) -> Detections:
-        """Detect bodies that move, and those in a square of the floor before the unit at ``X_WU``."""
+        """Detect bodies that move, those in a square of the floor before the unit at ``X_WU``, and the pair.
+
+        The pair is left out where nothing corrects what the unit's own camera tells of it.
+        """
         self._checked_ns = exposure.stamp_ns
-        moving, poses = self._estimator.moving(), self._estimator.predict(exposure.stamp_ns)
-        predictions = {name: pose for name, pose in poses.items() if name in moving}
+        wanted, poses = self._estimator.moving(), self._estimator.predict(exposure.stamp_ns)
+        wanted = wanted.union(self._read_in_checks)
+        predictions = {name: pose for name, pose in poses.items() if name in wanted}
         middle_W = (X_WU @ _CHECK_CENTRE).translation
         return self._vision.detect_near(exposure, middle_W, NEAR_HALF_M, fetch, predictions)
 

@@ -80,15 +80,28 @@ class OverheadErrors:
         """Return the errors of the pose of a body; None if all is as designed."""
         if not (self._sigmas.any() or self._tag.any()):
             return None
-        p_B = tag.corners_B[:, :2].mean(axis=0)
-        offset = X_WB.act(p_B) - X_WB.translation
-        q, d = X_WB.act(p_B) - self._foot, self._above - tag.height
+        q, d, offset = self._seen_at(tag, X_WB)
         by_camera = _of_origin(self._by_camera(q, d), offset)
         beyond = by_camera - _of_origin(self._by_camera(q, self._above - self._height), offset)
         by_tag = _of_origin(self._by_tag(tag, X_WB.yaw, q, d), offset)
         held = by_tag[:, _ON_ROOF] @ by_tag[:, _ON_ROOF].T
         own = by_tag @ by_tag.T + beyond @ beyond.T
         return PoseErrors(own, frozen(by_camera @ by_camera.T), held)
+
+    def by_camera(self, tag: FlatTag, X_WB: SE2) -> Array:
+        """Return what one standard deviation of each error of the camera does to a pose, in W, shape (3, 10).
+
+        The columns for two bodies stand for the same errors, so that their difference is what these do to the
+        pose of the one against the other. What the height of a tag does beyond this is in ``own`` of
+        :class:`PoseErrors`.
+        """
+        q, _, offset = self._seen_at(tag, X_WB)
+        return _of_origin(self._by_camera(q, self._above - self._height), offset)
+
+    def _seen_at(self, tag: FlatTag, X_WB: SE2) -> tuple[Array, float, Array]:
+        """Return a tag from the foot of the camera, its depth, and it from its body's origin, in W [m]."""
+        at = X_WB.act(tag.corners_B[:, :2].mean(axis=0))
+        return at - self._foot, self._above - tag.height, at - X_WB.translation
 
     def roof(self, tag: FlatTag) -> Array:
         """Return standard deviations of where a tag is held on its roof: x, y [m], yaw [rad] in B, (3,)."""

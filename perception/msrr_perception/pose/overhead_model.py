@@ -113,6 +113,10 @@ class OverheadModel:
         """Return the errors of calibration of a measured pose; None if all is as designed."""
         return self.errors.of(self.tags[self.tag_of[pose.name]], pose.X_WB)
 
+    def camera_effects(self, pose: GlobalPose) -> Array:
+        """Return what one standard deviation of each error of the camera does to a pose, shape (3, 10)."""
+        return self.errors.by_camera(self.tags[self.tag_of[pose.name]], pose.X_WB)
+
     def roof(self, unit: str) -> Array:
         """Return standard deviations of the place of the tag on the roof: x, y [m], yaw [rad] in U, (3,)."""
         return self.errors.roof(self.tags[self.tag_of[unit]])

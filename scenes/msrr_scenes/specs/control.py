@@ -148,6 +148,8 @@ class ControlSpec(Spec):
     """Whether the estimate is moved from the last exposure up to the control instant."""
     drive_feed_forward: bool = True
     """Whether commands make up for the errors of wheel radii and track that the estimator has found out."""
+    overhead_correction: bool = True
+    """Whether a unit on its way to the port corrects what its own camera tells by the overhead camera."""
     guard: GuardSpec = GuardSpec()
     """Collision monitor."""
 

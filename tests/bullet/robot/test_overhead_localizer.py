@@ -234,13 +234,18 @@ class _Docking:
             self.reader.receive(detections)
 
 
+@pytest.mark.parametrize("corrects", [True, False], ids=["corrected", "by its own camera alone"])
 def test_checks_show_a_unit_that_drives_in_every_frame_until_it_is_seen_to_stand(
-    open_arena: Callable,
+    open_arena: Callable, corrects: bool
 ) -> None:
-    """Of one that drives and is not seen, soon nothing is known: it would hold a unit that docks."""
+    """Of one that drives and is not seen, soon nothing is known: it would hold a unit that docks.
+
+    Once a second the pair is read as well, where that corrects what the onboard camera tells of it.
+    """
     arena = open_arena(others={"c": SE2(-0.2, -0.8, 0.4)})
     arena.drivers = {"c": lambda t: Twist(0.1, 0.2) if 0.7 <= t < 2.0 else Twist()}
-    scene = arena.scene
+    control = arena.scene.control.model_copy(update={"overhead_correction": corrects})
+    scene = arena.scene.model_copy(update={"control": control})
     step = scene.docks[0]
     reader = OverheadReader(scene, step, TargetModel.from_scene(scene, step), PupilDetector())
     arena.vision = arena.estimator = docking = _Docking(
@@ -258,7 +263,7 @@ def test_checks_show_a_unit_that_drives_in_every_frame_until_it_is_seen_to_stand
     driving = [found for t, found in docking.checks.items() if t < 2.0]
     assert len(driving) == 9
     assert all(20 in found for found in driving)
-    assert [found for t, found in docking.checks.items() if t > 2.9] == [[], []]
+    assert [found for t, found in docking.checks.items() if t > 2.9] == 2 * [[0, 10] if corrects else []]
     known = arena.known
     assert known is not None
     assert math.sqrt(known.others[0].covariance[2, 2]) < math.radians(0.5)
