@@ -287,10 +287,11 @@ class Autonomy:
         if phase in _FAR_PHASES:
             correction.reset()
             return by_sight
-        from_above = None
-        if phase is Phase.DOCK and not correction.holds_at(by_sight):
+        if phase is Phase.DOCK and correction.is_due(by_sight):
             from_above = overhead.in_dock_frame(by_sight.stamp_ns)
-        return correction.apply(by_sight) if from_above is None else correction.update(by_sight, from_above)
+            if from_above is not None:
+                correction.update(by_sight, from_above)
+        return correction.apply(by_sight)
 
     def _learn_seat(self) -> None:
         """Keep what the unit has learned, now that it is docked; estimators of a user's own keep nothing."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,12 +11,16 @@ from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.motion.motion_noise import DEFAULT_NOISE
 from msrr_perception.pose.corner_fit import deviation
 from msrr_perception.pose.target import TargetModel
-from msrr_scenes.arrays import frozen
+from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import PoseEstimate
 
 #: Share of pairs of good estimates that pass the gate.
 _GATE_PROBABILITY = 0.9999
+
+#: Time for which a correction is good [ns]: within 0.1 s a unit comes 1 cm nearer, on which a bracket that is
+#: turned by 0.3 degrees moves it aside by 0.05 mm.
+_PERIOD_NS = 100_000_000
 
 
 class OverheadCorrection:
@@ -44,15 +49,15 @@ class OverheadCorrection:
 
     def reset(self) -> None:
         """Forget the correction, before another approach."""
-        self._shift = np.zeros(3)
-        self._agrees = True
+        self._last: _Correction | None = None
+        self._agrees, self._due_ns = True, 0
 
-    def holds_at(self, by_sight: PoseEstimate) -> bool:
-        """Return whether the last correction holds on, as the wheels may spin or nothing was agreed upon."""
-        return not self._agrees or -by_sight.X_DU.x < self._free_m
+    def is_due(self, by_sight: PoseEstimate) -> bool:
+        """Return whether a new correction is to be computed: not at the port, nor after a contradiction."""
+        return self._agrees and by_sight.stamp_ns >= self._due_ns and not self._is_at_port(by_sight)
 
-    def update(self, by_sight: PoseEstimate, from_above: PoseEstimate) -> PoseEstimate:
-        """Return the weighted mean of two poses of the same instant, and keep how far it is from the first.
+    def update(self, by_sight: PoseEstimate, from_above: PoseEstimate) -> None:
+        """Compute the correction that leads to the weighted mean of two poses of the same instant.
 
         Args:
             by_sight: Pose by the onboard camera.
@@ -60,18 +65,39 @@ class OverheadCorrection:
         """
         apart = deviation(from_above.X_DU.as_array(), by_sight.X_DU.as_array())
         P, R = by_sight.covariance, from_above.covariance
-        S = P + R
-        gain = np.linalg.solve(S, P).T
-        if float(apart @ np.linalg.solve(S, apart)) > chi_squared_quantile(_GATE_PROBABILITY, 3):
-            self._shift, self._agrees = np.zeros(3), False
-            return by_sight
-        self._shift = gain @ apart
-        left = np.eye(3) - gain
-        fused = frozen(left @ P @ left.T + gain @ R @ gain.T)
-        return replace(self.apply(by_sight), covariance=fused)
+        of_both = np.linalg.inv(P + R)
+        self._agrees = float(apart @ of_both @ apart) <= chi_squared_quantile(_GATE_PROBABILITY, 3)
+        self._due_ns = by_sight.stamp_ns + _PERIOD_NS
+        gain = P @ of_both
+        self._last = _Correction(gain @ apart, gain, R) if self._agrees else None
 
     def apply(self, by_sight: PoseEstimate) -> PoseEstimate:
-        """Return a pose by the onboard camera with the last correction, and as uncertain as without it."""
-        if not self._shift.any():
+        """Return a pose by the onboard camera with the last correction.
+
+        At the port it is as uncertain as without one.
+        """
+        if self._last is None:
             return by_sight
-        return replace(by_sight, X_DU=SE2(*(by_sight.X_DU.as_array() + self._shift).tolist()))
+        shift, gain, R = self._last
+        X_DU, P = SE2(*(by_sight.X_DU.as_array() + shift).tolist()), by_sight.covariance
+        if not self._is_at_port(by_sight):
+            left = np.eye(3) - gain
+            P = frozen(left @ P @ left.T + gain @ R @ gain.T)
+        return replace(by_sight, X_DU=X_DU, covariance=P)
+
+    def _is_at_port(self, by_sight: PoseEstimate) -> bool:
+        return -by_sight.X_DU.x < self._free_m
+
+
+class _Correction(NamedTuple):
+    """The last correction.
+
+    Attributes:
+        shift: What is added to the pose by the onboard camera, shape (3,) [m, m, rad].
+        gain: Weight of the overhead camera in the mean, shape (3, 3).
+        from_above: Covariance of the pose by the overhead camera, shape (3, 3).
+    """
+
+    shift: Array
+    gain: Array
+    from_above: Array

@@ -34,6 +34,11 @@ def estimate(X_DU: SE2, covariance: np.ndarray) -> PoseEstimate:
     return PoseEstimate(1_000_000_000, X_DU, covariance, 990_000_000)
 
 
+def corrected(correction: OverheadCorrection, by_sight: PoseEstimate, above: PoseEstimate) -> PoseEstimate:
+    correction.update(by_sight, above)
+    return correction.apply(by_sight)
+
+
 def off(error: np.ndarray) -> SE2:
     return SE2(*(TRUE.as_array() + error))
 
@@ -51,7 +56,7 @@ def test_the_mean_of_both_is_better_than_either_and_as_good_as_it_says(
     ):
         correction.reset()
         sight = estimate(off(by_sight), P_SIGHT)
-        fused = correction.update(sight, estimate(off(from_above), P_ABOVE))
+        fused = corrected(correction, sight, estimate(off(from_above), P_ABOVE))
         assert (fused.stamp_ns, fused.last_seen_ns) == (sight.stamp_ns, sight.last_seen_ns)
         errors.append(pose_error(fused.X_DU, TRUE))
         squares += float(errors[-1] @ np.linalg.solve(fused.covariance, errors[-1]))
@@ -63,13 +68,13 @@ def test_the_mean_of_both_is_better_than_either_and_as_good_as_it_says(
 def test_the_last_correction_holds_on_in_the_port(correction: OverheadCorrection) -> None:
     """Between pins and port there is no correction but the last one, and the covariance is that of sight."""
     sight = estimate(TRUE, P_SIGHT)
-    assert not correction.holds_at(sight)
+    assert correction.is_due(sight)
     assert correction.apply(sight) is sight
-    fused = correction.update(sight, estimate(off(np.array([0.0, 2e-3, 0.0])), P_ABOVE))
+    fused = corrected(correction, sight, estimate(off(np.array([0.0, 2e-3, 0.0])), P_ABOVE))
     shift = pose_error(fused.X_DU, TRUE)
     assert 0.5e-3 < shift[1] < 1.5e-3
     at_port = estimate(SE2(-0.12, 0.0, math.radians(1.0)), 4.0 * P_SIGHT)
-    assert correction.holds_at(at_port)
+    assert not correction.is_due(replace(at_port, stamp_ns=sight.stamp_ns + 10**10))
     held = correction.apply(at_port)
     np.testing.assert_allclose(pose_error(held.X_DU, at_port.X_DU), shift, atol=1e-15)
     assert held.covariance is at_port.covariance
@@ -81,9 +86,21 @@ def test_where_both_contradict_each_other_sight_alone_counts(correction: Overhea
     above = estimate(off(np.array([0.0, 2e-3, 0.0])), P_ABOVE)
     correction.update(sight, above)
     wrong = replace(above, X_DU=off(np.array([0.0, 0.03, math.radians(2.0)])))
-    assert correction.update(sight, wrong) is sight
-    assert correction.holds_at(sight)
-    assert correction.apply(sight) is sight
+    assert corrected(correction, sight, wrong) is sight
+    assert not correction.is_due(replace(sight, stamp_ns=sight.stamp_ns + 10**10))
     correction.reset()
-    assert not correction.holds_at(sight)
-    assert correction.update(sight, above) is not sight
+    assert correction.is_due(sight)
+    assert corrected(correction, sight, above) is not sight
+
+
+def test_a_correction_is_good_for_a_tenth_of_a_second(correction: OverheadCorrection) -> None:
+    """Meanwhile it shifts what is seen then, with the covariance of the mean of what is known then."""
+    sight = estimate(TRUE, P_SIGHT)
+    correction.update(sight, estimate(off(np.array([0.0, 2e-3, 0.0])), P_ABOVE))
+    for ms, due in ((90, False), (100, True)):
+        assert correction.is_due(replace(sight, stamp_ns=sight.stamp_ns + ms * 10**6)) is due
+    nearer = estimate(SE2(-0.19, 0.001, 0.0), 4.0 * P_SIGHT)
+    known = correction.apply(nearer)
+    shift = pose_error(correction.apply(sight).X_DU, TRUE)
+    np.testing.assert_allclose(pose_error(known.X_DU, nearer.X_DU), shift, atol=1e-15)
+    assert np.linalg.eigvalsh(nearer.covariance - known.covariance).min() > 0.0
