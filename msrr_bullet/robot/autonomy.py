@@ -130,7 +130,7 @@ class Autonomy:
         frames_only = scene.cameras.onboard.readout == "frames"  # then windows save nothing
         self._vision = OnboardVision(target, detector, full_every=1 if frames_only else FULL_FRAME_PERIOD)
         self._los_estimator = LosEstimator(target)
-        self._correction = OverheadCorrection(target) if scene.control.overhead_correction else None
+        self._correction, self._corrects = OverheadCorrection(target), scene.control.overhead_correction
         setup = DockSetup.of(scene, step)
         self._overhead: OverheadLocalizer | None = None
         self._reader: OverheadReader | None = None
@@ -274,6 +274,8 @@ class Autonomy:
             # Estimates by the onboard camera from another place are of no use for the next docking phase.
             for part in (self._estimator, self._los_estimator, self._vision):
                 part.reset()
+        if action.phase in _FAR_PHASES:
+            self._correction.reset()
         if self._reader is not None and action.phase in _BACKWARDS_PHASES and before is not action.phase:
             self._reader.restart_search()  # an obstacle may have appeared behind the unit
         action = self._feed_forward.apply(self._limit_by_clearance(action))
@@ -281,17 +283,11 @@ class Autonomy:
 
     def _corrected(self, by_sight: PoseEstimate, overhead: OverheadLocalizer) -> PoseEstimate:
         """Return the pose by the onboard camera, corrected by what the overhead camera shows on the way."""
-        correction, phase = self._correction, self._phases.phase
-        if correction is None:
-            return by_sight
-        if phase in _FAR_PHASES:
-            correction.reset()
-            return by_sight
-        if phase is Phase.DOCK and correction.is_due(by_sight):
+        if self._corrects and self._phases.phase is Phase.DOCK and self._correction.is_due(by_sight):
             from_above = overhead.in_dock_frame(by_sight.stamp_ns)
             if from_above is not None:
-                correction.update(by_sight, from_above)
-        return correction.apply(by_sight)
+                self._correction.update(by_sight, from_above)
+        return self._correction.apply(by_sight)
 
     def _learn_seat(self) -> None:
         """Keep what the unit has learned, now that it is docked; estimators of a user's own keep nothing."""
