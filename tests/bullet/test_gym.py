@@ -26,6 +26,8 @@ from msrr_scenes.messages import Twist
 from msrr_scenes.outcome import Outcome
 from tests.conftest import BLIND, CALIBRATION
 
+IMAGES = {"plant": "bullet", "perception": "images"}
+
 #: Distance from the axle to the front port of the shipped units [m].
 OFFSET = 0.1
 
@@ -92,18 +94,16 @@ class Played:
         return Twist(*map(float, next(self.left)))
 
 
-@pytest.mark.parametrize("eyes", ["measured", "rendered"])
 def test_a_controller_with_the_same_commands_has_the_same_trial(
-    eyes: str, made: Callable[..., DockingEnv], tmp_path: Path
+    made: Callable[..., DockingEnv], tmp_path: Path
 ) -> None:
-    seen = BLIND if eyes == "measured" else {"plant": "bullet", "perception": "images"}
-    env = made(**seen)
+    env = made(**IMAGES)
     first, info = env.reset(seed=3, options={"out": tmp_path / "agent"})
     steps, result = episode(env)
     observations = [first, *(step[0] for step in steps[:-1])]
     Played.commands = [pursue(observation) for observation in observations]
 
-    scene = load_scene("close_range", {**CALIBRATION, **seen, "control.docking": f"{__name__}:Played"})
+    scene = load_scene("close_range", {**CALIBRATION, **IMAGES, "control.docking": f"{__name__}:Played"})
     again = run_trial(scene, 3, out=tmp_path / "played")
 
     assert result.outcome is Outcome.DOCKED
@@ -124,11 +124,10 @@ def test_a_controller_with_the_same_commands_has_the_same_trial(
 
 
 def test_environments_that_take_turns_do_not_disturb_each_other(made: Callable[..., DockingEnv]) -> None:
-    images = {"plant": "bullet", "perception": "images"}
-    env = made(**images)
+    env = made(**IMAGES)
     env.reset(seed=1)
     alone = np.array([step[0] for step in episode(env)[0]])
-    seeds, environments = (1, 2), [made(**images), made(**images)]
+    seeds, environments = (1, 2), [made(**IMAGES), made(**IMAGES)]
     seen = [env.reset(seed=seed)[0] for seed, env in zip(seeds, environments, strict=True)]
     together = []
     for _ in range(100):

@@ -19,6 +19,7 @@ from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import load_scene
+from msrr_scenes.messages import seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.mission import RadioSpec
 from msrr_scenes.specs.scene import Scene
@@ -84,7 +85,7 @@ def test_units_on_their_own_dock_one_after_another(tmp_path: Path) -> None:
     assert result.docked
     assert (a.unit, c.unit, d.unit) == ("a", "c", "d")
     assert starts[1] == 0
-    assert (d.started_s, a.started_s) == (c.ended_s, d.ended_s) == (1e-9 * starts[2], 1e-9 * starts[0])
+    assert (d.started_s, a.started_s) == (c.ended_s, d.ended_s) == (seconds(starts[2]), seconds(starts[0]))
 
 
 def test_a_step_that_does_not_dock_ends_the_plan(tmp_path: Path) -> None:
