@@ -25,8 +25,9 @@ from msrr_scenes.errors import MsrrError
 #: convexity).
 _GRADUATED_PX = (100.0, 10.0, 1.0)
 
-#: Most steps, and the relative gain of the cost that a step promises at which they end.
-_STEPS, _SETTLED = 200, 1e-12
+#: Most steps, and the relative gain of the cost that a step promises at which they end: in general, and where
+#: another adjustment goes on from there.
+_STEPS, _SETTLED, _ALMOST_SETTLED = 200, 1e-12, 1e-6
 
 #: Damping of the first step, relative to the diagonal of the normal equations, its factor from step to
 #: step, and its bounds; beyond the upper one no step helps.
@@ -74,11 +75,13 @@ class Adjusted:
 def adjust_robustly(bundle: Bundle, seen: Sightings) -> Bundle:
     """Return the poses that explain the sightings but for a few that may be wrong, from a first guess."""
     for scale_px in _GRADUATED_PX:
-        bundle = adjust(bundle, seen, scale_px).bundle
+        bundle = adjust(bundle, seen, scale_px, _ALMOST_SETTLED).bundle
     return bundle
 
 
-def adjust(bundle: Bundle, seen: Sightings, scale_px: float = math.inf) -> Adjusted:
+def adjust(
+    bundle: Bundle, seen: Sightings, scale_px: float = math.inf, least_gain: float = _SETTLED
+) -> Adjusted:
     """Return the poses near those of a bundle that explain the sightings best.
 
     Args:
@@ -86,6 +89,7 @@ def adjust(bundle: Bundle, seen: Sightings, scale_px: float = math.inf) -> Adjus
         seen: The sightings.
         scale_px: Distance from which on a corner coordinate counts less, by the loss
             ``2 s**2 (sqrt(1 + (r / s)**2) - 1)`` [px].
+        least_gain: Relative gain of the cost below which no further step is made.
 
     Raises:
         AdjustmentError: The sightings leave something open.
@@ -98,7 +102,7 @@ def adjust(bundle: Bundle, seen: Sightings, scale_px: float = math.inf) -> Adjus
         normal, gradient, cost = weighted @ jacobian, weighted @ residuals, _cost(residuals, scale_px)
         while True:
             step = -_factorised(normal, damping).solve(gradient)
-            settled = -gradient @ step < _SETTLED * cost
+            settled = -gradient @ step < least_gain * cost
             moved = bundle.moved(step)
             after = moved.residuals(seen)
             better = _cost(after, scale_px) < cost
