@@ -34,11 +34,11 @@ demo: $(STAMP)
 test nightly lowest: export PYTHONDONTWRITEBYTECODE :=
 
 test: $(DEV)
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not nightly"
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not nightly"
 
 nightly: $(DEV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group notebook --editable ".[dask,gym,profile,pyapriltags,rerun]"
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
 # The tests with the lowest versions that pyproject.toml admits. Pip does not choose them; uv does.
 lowest: $(DEV)
@@ -46,7 +46,7 @@ lowest: $(DEV)
 	$(BIN)/uv venv --quiet --clear --python $(BIN)/python $(VENV)/lowest
 	$(BIN)/uv pip install --quiet --python $(VENV)/lowest/bin/python --resolution lowest-direct \
 		--group dev --editable ".[dask,gym,profile,pyapriltags,rerun]"
-	$(VENV)/lowest/bin/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not nightly"
+	$(VENV)/lowest/bin/python -m pytest -n $(JOBS) --dist loadfile -m "not nightly"
 
 check: $(DEV)
 	$(BIN)/ruff check .

@@ -110,30 +110,6 @@ def photographs() -> Path:
     return Path(os.environ["MSRR_PHOTOGRAPHS"])
 
 
-#: Files that take longest. With ``--dist loadfile --no-loadscope-reorder`` they are begun first, so that no
-#: worker is left alone with one of them at the end.
-LONGEST = (
-    "test_dock_command.py",
-    "test_sweep_command.py",
-    "test_coordinated_replayer.py",
-    "test_run.py",
-    "test_readme.py",
-    "test_recorded_robot.py",
-    "test_docking.py",
-    "test_live.py",
-    "test_replay_page.py",
-    "test_collision_monitor.py",
-    "test_csv_files.py",
-    "test_mission_figures.py",
-    "test_worker_pool.py",
-)
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the longest files; the order within a file stays."""
-    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
-
-
 #: Files that use the same mission, which takes several seconds: one worker runs them, and the mission once.
 TOGETHER = {
     "tests/bullet/figures/test_mission_figures.py": "four units",

@@ -169,12 +169,12 @@ def test_a_picture_that_was_taken_five_times_counts_once(camera: Camera, printed
 
 
 def test_a_camera_of_many_pixels_is_calibrated(camera: Camera, printed: Printed, tmp_path: Path) -> None:
-    """The pictures of a small camera, sixteen times as large: so is its focal length."""
+    """The pictures of a small camera, twelve times as large: so is its focal length."""
     views = seen(camera.lens, camera, printed, 8, 0.1)
-    large = [replace(v, points=replace(v.points, corners=16.0 * v.points.corners + 7.5)) for v in views]
-    small, found = (calibrate_camera(v, *size) for v, size in ((views, (400, 300)), (large, (6400, 4800))))
+    large = [replace(v, points=replace(v.points, corners=12.0 * v.points.corners + 5.5)) for v in views]
+    small, found = (calibrate_camera(v, *size) for v, size in ((views, (400, 300)), (large, (4800, 3600))))
     assert found.model.free == small.model.free
-    assert found.told.fx_px == pytest.approx(16.0 * small.told.fx_px, rel=1e-4)
+    assert found.told.fx_px == pytest.approx(12.0 * small.told.fx_px, rel=1e-4)
     write_calibration(tmp_path / "large.yaml", found.told)
     assert read_calibration(tmp_path / "large.yaml") == found.told
 
