@@ -17,7 +17,8 @@ _HEAD = f"""\
 | --- | --- |
 | 0 | The command did what was asked; a trial ended `docked` or `complete`. |
 | {exit_codes.NOT_DOCKED} | A trial ended with another outcome; a replay differs from its log, \
-or the log ends early; a trial costs much more than `msrr bench --against` allows. |
+or the log ends early; a trial costs much more than `msrr bench --against` allows; the reader of \
+the output has gone away, such as `head`. |
 | {exit_codes.BAD_INPUT} | Arguments are wrong, a scene or a file cannot be used, a class of your own \
 failed, or a trial took too long on the wall clock. |
 | {exit_codes.PROGRAM_ERROR} | There is an error in the program itself. |

@@ -21,7 +21,7 @@ _OF_SWEEP = ("scene", "plant", "perception")
 #: What the columns of values begin with that were set or varied.
 _SET = "set."
 #: What helps where a table holds more trials of a seed than one.
-_ONE_SWEEP = "give one sweep a file, or name one level of a variation by its values"
+_ONE_SWEEP = "give one sweep a file, or name one level of a variation by all its values"
 #: What is read of a cell that a row lacks: no text that a table may hold.
 _LACKS = "\0"
 
@@ -109,7 +109,8 @@ def read_trials(path: Path, chosen: Mapping[str, str]) -> tuple[dict[str, str], 
             keys = [name.removeprefix(_SET) for name in reader.fieldnames or () if name.startswith(_SET)]
             if unknown := [key for key in chosen if key not in keys]:
                 raise SceneError(f"{path}: {unknown[0]} was not set or varied{nearest(unknown[0], keys)}")
-            there = dict[str, set[str]]()
+            there = {key: set[str]() for key in chosen}
+            counted = {key: set[str]() for key in keys}
             if not text.endswith(("\n", "\r")):
                 raise SceneError(f"{path}: cut off within its last line; write it anew")
             for row in reader:
@@ -117,7 +118,7 @@ def read_trials(path: Path, chosen: Mapping[str, str]) -> tuple[dict[str, str], 
                 if None in row or _LACKS in row.values():
                     raise SceneError(f"{place}: another number of cells than of columns; write it anew")
                 for key in chosen:
-                    there.setdefault(key, set()).add(row[_SET + key])
+                    there[key].add(row[_SET + key])
                 if any(not _is_same(row[_SET + key], value) for key, value in chosen.items()):
                     continue
                 for column, known in of_sweep.items():
@@ -125,7 +126,9 @@ def read_trials(path: Path, chosen: Mapping[str, str]) -> tuple[dict[str, str], 
                     if known and of_sweep[column] != known:
                         text = f"{column} {of_sweep[column]} after {known}"
                         raise SceneError(f"{place}: {text}; give one sweep a file")
-                _add(trials, row, place)
+                for key in keys:
+                    counted[key].add(row[_SET + key])
+                _add(trials, row, place, counted)
     except OSError as error:
         raise SceneError(f"{path}: {error.strerror}; give a table of msrr sweep --csv") from None
     except (UnicodeDecodeError, csv.Error) as error:
@@ -145,7 +148,13 @@ def _is_same(text: str, value: str) -> bool:
         return False
 
 
-def _add(trials: dict[int, Trial], row: dict[str, str], place: str) -> None:
+def _one_sweep(values: Mapping[str, set[str]]) -> str:
+    """Return what helps where a table holds more trials of a seed than one, by the values of its columns."""
+    several = [f"{key} is {' or '.join(sorted(found))}" for key, found in values.items() if len(found) > 1]
+    return f"these are several sweeps ({', '.join(several)}); {_ONE_SWEEP}" if several else _ONE_SWEEP
+
+
+def _add(trials: dict[int, Trial], row: dict[str, str], place: str, counted: Mapping[str, set[str]]) -> None:
     """Add a row of the table, which is a step, or a trial in which no step began."""
     if not row["seed"]:
         raise SceneError(f"{place}: no seed")
@@ -160,9 +169,9 @@ def _add(trials: dict[int, Trial], row: dict[str, str], place: str) -> None:
     duration_s = _number(row, "duration_s", place)
     trial = trials.setdefault(seed, Trial(row["outcome"], duration_s))
     if row["step"] in trial.steps:
-        raise SceneError(f"{place}: step {row['step']} of seed {seed} a second time; {_ONE_SWEEP}")
+        raise SceneError(f"{place}: step {row['step']} of seed {seed} a second time; {_one_sweep(counted)}")
     if (trial.outcome, trial.duration_s) != (row["outcome"], duration_s):
-        raise SceneError(f"{place}: seed {seed} ends otherwise than in a row before; {_ONE_SWEEP}")
+        raise SceneError(f"{place}: seed {seed} ends otherwise than in a row before; {_one_sweep(counted)}")
     trial.steps.add(row["step"])
     if _number(row, "undocks", place):
         return

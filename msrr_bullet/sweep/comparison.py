@@ -65,6 +65,8 @@ class SweepComparison(BaseModel, frozen=True):
         scenes: Names of the scenes of the first sweep and of the second; empty where a table tells none.
         plants: Plants of the first sweep and of the second, likewise.
         perceptions: Kinds of perception of the first sweep and of the second, likewise.
+        chosen: Values by dotted key, as texts, by which trials of the first table and of the second were
+            chosen; empty where all of them count.
         trials: Number of these seeds.
         only_first: Number of seeds that the first sweep alone has.
         only_second: Number of seeds that the second sweep alone has.
@@ -78,6 +80,7 @@ class SweepComparison(BaseModel, frozen=True):
     scenes: tuple[str, str]
     plants: tuple[str, str]
     perceptions: tuple[str, str]
+    chosen: tuple[dict[str, str], dict[str, str]]
     trials: int
     only_first: int
     only_second: int
@@ -125,6 +128,7 @@ def compare_sweeps(
         scenes=(one["scene"], other["scene"]),
         plants=(one["plant"], other["plant"]),
         perceptions=(one["perception"], other["perception"]),
+        chosen=(dict(first_with), dict(second_with)),
         trials=len(seeds),
         only_first=len(a) - len(seeds),
         only_second=len(b) - len(seeds),

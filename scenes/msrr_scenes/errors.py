@@ -70,8 +70,15 @@ DECIMAL_POINT = "; a decimal fraction has a point, as in 0.5"
 
 
 def nearest_key(key: object, valid: Iterable[str]) -> str:
-    """Return what :func:`nearest` does, and of a number, such as the 3 of ``{x_m: 0,3}``, the mend."""
-    return f"{DECIMAL_POINT}." if str(key).isdecimal() else nearest(key, valid)
+    """Return what :func:`nearest` does, of ``x`` that it is ``x_m``, and of a number the mend.
+
+    A number is a key where a decimal comma separates it, such as the 3 of ``{x_m: 0,3}``.
+    """
+    if str(key).isdecimal():
+        return f"{DECIMAL_POINT}."
+    keys = list(valid)
+    with_unit = [each for each in keys if each.startswith(f"{key}_")]
+    return nearest(min(with_unit, key=len), with_unit) if with_unit else nearest(key, keys)
 
 
 class UnknownNameError(MsrrError):

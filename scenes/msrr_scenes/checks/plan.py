@@ -49,7 +49,7 @@ def mission_problems(scene: Scene) -> list[Problem]:
     problems += move_problems(scene)
     overhead = scene.cameras.overhead
     if overhead is None:
-        text = "a base station leads the units of this scene by it, so it cannot be null"
+        text = "a base station leads the units by it; add one, such as overhead: {}"
         problems.append(Problem(("cameras", "overhead"), text))
     elif overhead.localisation != type(overhead.localisation)():
         text = "these errors are those of one docking unit; a base station leads several, so leave them out"

@@ -14,6 +14,9 @@ from msrr_scenes.specs.plan import DockStep, PlanStep, UndockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import PoseSpec
 
+#: What the names mean in a log that no body can have.
+_TAKEN = {"world": "the world frame", OVERHEAD: "the overhead camera", "base_station": "the base station"}
+
 
 def _poses(scene: Scene) -> Iterator[tuple[KeyPath, PoseSpec]]:
     """Yield key path and pose of every body, units first."""
@@ -75,6 +78,10 @@ def reference_problems(scene: Scene) -> list[Problem]:
                 problems.append(Problem(("faults", i, "camera"), text))
         else:
             known(("faults", i, "unit"), fault.unit)
+    for kind, bodies in (("units", scene.units), ("obstacles", scene.obstacles)):
+        for name in bodies.keys() & _TAKEN.keys():
+            text = f"{name!r} is the name of {_TAKEN[name]} in logs; give the body another one"
+            problems.append(Problem((kind, name), text))
     for name in scene.obstacles:
         if name in scene.units:
             text = f"a unit is named {name!r} as well; names of bodies have to differ"

@@ -16,8 +16,12 @@ from msrr_scenes.errors import DECIMAL_POINT, nearest, nearest_key
 from msrr_scenes.loading.yaml_document import YamlDocument
 from msrr_scenes.specs.plan import DockStep, MoveStep, UndockStep
 
+#: What a text has to be, by its key; pydantic gives the ports of ``shape.tree`` another one.
 _PATTERNS = {
     "to": "'<unit>.<port>'",
+    "active": "'<unit>.<port>'",
+    "passive": "'<unit>.<port>'",
+    "constrained-str": "'root' or '<place>.<port>'",
     "frame": "'world' or '<unit>.<port>'",
     "name": "a plain name of letters, digits, '.', '_' and '-', which is no path and has at most 64 of them",
 }
@@ -64,6 +68,8 @@ def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel]) 
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _wrong_tag((*path, context["discriminator"].strip("'")), _tags(root, loc), context.get("tag"))
     if kind == "literal_error":
+        if loc[-1] == "literal['root']":
+            return None  # the error of the port says it
         valid = [part.strip("'") for part in context["expected"].replace(" or ", ", ").split(", ")]
         return Problem(path, f"expected {context['expected']}, found {found}{nearest(given, valid)}")
     if kind == "string_pattern_mismatch":
@@ -84,6 +90,8 @@ def _plainly(message: str, found: str) -> str:
     if message.startswith("Value error, "):
         return message.removeprefix("Value error, ")
     head, _, _ = message.partition(", ")
+    if head.endswith("Deviation"):
+        return f"expected a number, or the keys sigma and error, found {found}"
     if "valid dictionary" in head:
         return f"expected keys with values, found {found}"
     if head.startswith("Input should be "):
@@ -91,6 +99,8 @@ def _plainly(message: str, found: str) -> str:
         bound = "a number " if wanted.startswith(("greater", "less")) else ""
         wanted = wanted.replace("valid ", "").replace("a integer", "an integer")
         return f"expected {bound}{wanted}, found {found}"
+    if head.startswith("String should have "):
+        return f"expected a text of {head.removeprefix('String should have ')}, found {found}"
     return f"{message[0].lower()}{message[1:]} (found {found})"
 
 

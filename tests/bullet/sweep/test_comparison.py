@@ -99,13 +99,30 @@ def test_two_levels_of_a_variation_are_compared(varied: Path, capsys: pytest.Cap
     assert "50 trials with the same seeds" in shown
     assert "sigma_xy_m = 0.04" in shown
     assert "+4.00" in shown
+    assert found.chosen == ({KEY: "0.01"}, {KEY: "0.02"})
+
+
+def test_values_that_were_left_out_are_named(
+    scene: Scene, made_up: TrialFunction, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    levels = [("c1", "careful"), ("c1", "rough"), ("cbf", "careful")]
+    values = {d * 32: {"control.docking": c, "as_built": g} for d, (c, g) in zip("abc", levels, strict=True)}
+    outcomes = [made_up(scene, 0).model_copy(update={"scene_hash": digest}) for digest in values]
+    table = tmp_path / "laws.csv"
+    table.write_text(trials_csv(outcomes, values), encoding="utf-8")
+    chosen = ["--first", "control.docking=c1", "--second", "control.docking=cbf"]
+    assert run(["compare", str(table), *chosen]) == 2
+    assert "several sweeps (as_built is careful or rough); give one" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("options", "says"),
     [
         ([], "there is nothing to compare it with; name a second table, or two levels of this one"),
-        (["--first", f"{KEY}=0.01"], "a second time; give one sweep a file, or name one level"),
+        (
+            ["--first", f"{KEY}=0.01"],
+            f"these are several sweeps ({KEY} is 0.01 or 0.020); give",
+        ),
         (["--first", f"{KEY}=0.03"], f"no trial with {KEY}=0.03; in the table {KEY} is 0.01 or 0.020 or"),
         (["--first", "parametric.sigma_xy=1"], f"was not set or varied; did you mean '{KEY}'?"),
         (["--first", "0.01"], "--first 0.01: expected KEY=VALUE"),

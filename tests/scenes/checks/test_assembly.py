@@ -58,6 +58,7 @@ def test_the_scene_as_it_is_has_no_fault(scene_file: Path) -> None:
          "assembled", "lock one of them elsewhere"),
         ({"units.a.pose.x_m": "-1.6"}, "units.a.pose", "'c', which is locked to it, reaches outside"),
         ({"cameras.overhead.height_m": "1.2"}, "units.a.pose", "does not see 'c' from above"),
+        ({"cameras.overhead": "null"}, "cameras.overhead", "a base station leads the units by it; add one"),
         ({"units.d.pose": "{x_m: 0.2, y_m: 0.2}"}, "units.d.pose", "overlaps 'c'"),
         ({"plan": "[{undock: d}]"}, "plan.0.undock", "not docked by then"),
         ({"plan": "[{undock: b}]"}, "plan.0.undock", "let 'c' undock before"),

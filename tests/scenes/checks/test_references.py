@@ -74,6 +74,13 @@ from msrr_scenes.errors import SceneError
             "obstacles.a",
             "names of bodies have to differ",
         ),
+        (
+            {"obstacles.world": "{shape: box, length_m: 0.1, width_m: 0.1, pose: {x_m: -1.5}}"},
+            "obstacles.world",
+            "the name of the world frame in logs",
+        ),
+        ({"units.base_station": "{number: 5, pose: {x_m: -1.5}}"}, "units.base_station", "another one"),
+        ({"units.overhead": "{number: 5, pose: {x_m: -1.5}}"}, "units.overhead", "the overhead camera in"),
         ({"units.c.urdf": "none.urdf"}, "units.c.urdf", "no URDF named 'none.urdf'"),
     ],
 )

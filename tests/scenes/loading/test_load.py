@@ -145,7 +145,9 @@ def test_the_issues_start_sets_and_limits() -> None:
             "      xm: -0.70",
             ["scene.yaml:11:7: units.a.pose.xm: unknown key", "did you mean 'x_m'?"],
         ),
+        ("      x_m: -0.70", "      x: -0.70", ["units.a.pose.x: unknown key; did you mean 'x_m'?"]),
         ("    number: 1\n", "", ["scene.yaml:4:3: units.b.number: required, and missing"]),
+        ("number: 1", "number: 1\n    urdf: ''", ["units.b.urdf: expected a text of at least 1 character"]),
         (
             "shape: cylinder",
             "shape: cylindr",
@@ -176,6 +178,17 @@ def test_the_issues_start_sets_and_limits() -> None:
         ),
         ("plan:", "as_built: carefull\nplan:", ["scene.yaml:20:1: as_built: ", "did you mean 'careful'?"]),
         ("plan:", "shape: cross\nplan:", ["scene.yaml:20:1: shape: ", "found 'cross'"]),
+        (
+            "plan:",
+            "shape: {tree: {p: root, q: p}}\nplan:",
+            ["shape.tree.q: expected 'root' or '<place>.<port>', found 'p'"],
+        ),
+        ("plan:", "assembled: [c-b.rear]\nplan:", ["assembled.0: expected '<unit>.<port>', found 'c'"]),
+        (
+            "plan:",
+            "as_built: {drive: {track_percent: 5 %}}\nplan:",
+            ["drive.track_percent: expected a number, or the keys sigma and error, found '5 %'"],
+        ),
         ("plan:", "control: {docking: ''}\nplan:", ["scene.yaml:20:11: control.docking: "]),
         ("plan:", "plam:", ["scene.yaml:20:1: plam: unknown key; did you mean 'plan'?"]),
         (
@@ -291,12 +304,12 @@ def test_a_scene_without_a_name_is_named_like_its_file(tmp_path: Path) -> None:
         (
             "number: 1",
             f"number: 1\n    urdf: {'u' * 5000}",
-            "6:5: units.b.urdf: string should have at most 255",
+            "6:5: units.b.urdf: expected a text of at most 255",
         ),
         ("number: 1", f"number: 1\n    {'k' * 200}: 1", "6:5: a key of more than 100 characters"),
         ("x_m: 0.4", "x_m: 1e15", "less than or equal to 100"),
         ("x_m: 0.4", 'frame: "\\ud800"', "U+D800 is half a character"),
-        ("two units", "x" * 5000, "description: string should have at most 4000"),
+        ("two units", "x" * 5000, "description: expected a text of at most 4000"),
     ],
 )
 def test_numbers_and_texts_are_bounded_in_length(tmp_path: Path, old: str, new: str, expected: str) -> None:
