@@ -144,8 +144,8 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
     - 9, 10: forward speed and yaw rate by the wheel encoders [m/s, rad/s].
     - 11: age of the pose [s].
 
-    An action is the command (v, w) [m/s, rad/s], up to ``v_close_mps`` and ``w_max_radps``. In front of the port, and
-    near other bodies, the robot limits it further.
+    An action is the command (v, w) [m/s, rad/s], up to the scene's ``v_close_mps`` and ``w_max_radps``. The
+    robot limits it further where the camera could not read the tags, at the port, and near other bodies.
 
     The reward is 1 for the step at the end of which the outcome is ``docked``, and else 0. The episode is
     truncated where the time limit of the scene is reached, and terminated by every other outcome. There is no
