@@ -144,8 +144,8 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
     - 9, 10: forward speed and yaw rate by the wheel encoders [m/s, rad/s].
     - 11: age of the pose [s].
 
-    An action is the command (v, w) [m/s, rad/s], up to the limits of the drive. In front of the port, and
-    near other bodies, the robot limits it further.
+    An action is the command (v, w) [m/s, rad/s], up to the scene's ``v_close_mps`` and ``w_max_radps``. The
+    robot limits it further where the camera could not read the tags, at the port, and near other bodies.
 
     The reward is 1 for the step at the end of which the outcome is ``docked``, and else 0. The episode is
     truncated where the time limit of the scene is reached, and terminated by every other outcome. There is no
@@ -157,6 +157,7 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
       the observation, at the end of an episode that of the end: time, phase, number of the attempt, and the
       true pose, of which a reward may make use.
     - ``result``: at the end, the :class:`~msrr_bullet.trial.result.TrialResult`.
+    - ``is_success``: at the end, whether the outcome is ``docked``; libraries log the rate under this name.
     - ``seed``: after a reset, the seed of the trial; equal commands in it lead to equal bits.
     - ``idle``: after a reset, the results of trials that were skipped.
 
@@ -190,7 +191,7 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
                 "choose a scene with a plan of docks, such as close_range or two_units"
             )
         limits, (lowest, highest) = self.scene.limits, zip(*_RANGES, strict=True)
-        fastest = np.array([limits.v_max_mps, limits.w_max_radps], dtype=np.float32)
+        fastest = np.array([limits.v_close_mps, limits.w_max_radps], dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-fastest, fastest)
         self.observation_space = gymnasium.spaces.Box(
             np.array(lowest, dtype=np.float32), np.array(highest, dtype=np.float32)
@@ -232,7 +233,7 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
             self._leave = finalize(self, self._episode.abandon)
             turn = self._episode.go_on()
             if isinstance(turn, ControlInputs):
-                self._observation = _observation(turn)
+                self._observation = observation(turn)
                 return self._observation, {"progress": self._episode.progress, "seed": seed, "idle": idle}
             idle.append(turn)
             seed = None
@@ -263,10 +264,11 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
         turn = self._episode.go_on(Twist(float(command[0]), float(command[1])))
         info: dict[str, Any] = {"progress": self._episode.progress}
         if isinstance(turn, ControlInputs):
-            self._observation = _observation(turn)
+            self._observation = observation(turn)
             return self._observation, 0.0, False, False, info
         late = turn.outcome is Outcome.TIMEOUT
-        return self._observation, float(turn.docked), not late, late, {**info, "result": turn}
+        info |= {"result": turn, "is_success": turn.docked}
+        return self._observation, float(turn.docked), not late, late, info
 
     def close(self) -> None:
         """Stop the trial that is under way."""
@@ -275,7 +277,8 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
         self._episode = self._leave = None
 
 
-def _observation(inputs: ControlInputs) -> Vector:
+def observation(inputs: ControlInputs) -> Vector:
+    """Return the observation that an agent gets where a controller gets these inputs."""
     arrays = law_inputs(inputs)
     deviations = np.sqrt(np.diagonal(inputs.pose.covariance))
     parts = [arrays.pose, deviations, arrays.edges, arrays.visibility, arrays.twist, arrays.age]

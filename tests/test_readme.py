@@ -168,3 +168,9 @@ def test_the_own_controller_is_an_example_of_forty_lines() -> None:
 def test_the_own_controller_runs_as_a_program(tmp_path: Path) -> None:
     said = execute(str(ROOT / "examples" / "own_controller.py"), cwd=tmp_path)
     assert "docked" in said
+
+
+def test_the_agent_that_is_trained_gets_the_reward_of_the_page() -> None:
+    page = (ROOT / "docs" / "how-to" / "reinforcement_learning.md").read_text()
+    reward = page[page.index("class Progress") : page.index("```\n\nMost algorithms")]
+    assert reward in (ROOT / "examples" / "train_agent.py").read_text()

@@ -145,6 +145,22 @@ def test_only_the_last_step_of_a_dock_is_rewarded(made: Callable[..., DockingEnv
     assert [step[2] for step in steps] == [False] * (len(steps) - 1) + [True]
     assert not any(step[3] for step in steps)
     assert steps[-1][4]["progress"].true.x == pytest.approx(-OFFSET, abs=0.005)
+    assert [step[4].get("is_success") for step in steps] == [None] * (len(steps) - 1) + [True]
+
+
+def test_an_action_at_the_edge_of_the_space_is_what_the_robot_is_told(
+    made: Callable[..., DockingEnv], tmp_path: Path
+) -> None:
+    """In front of a port units drive slower than elsewhere."""
+    env = made()
+    env.reset(seed=0, options={"out": tmp_path})
+    fastest = float(env.action_space.high[0])
+    for v in (fastest, -fastest):
+        env.step(np.array([v, 0.0]))
+    env.close()
+    told = [record.message.twist.v for record in read_log(tmp_path).records("/control/*/action")]
+    assert told[-2:] == pytest.approx([fastest, -fastest])
+    assert fastest < env.scene.limits.v_max_mps
 
 
 def test_an_agent_that_stands_still_gets_all_attempts_and_no_reward(made: Callable[..., DockingEnv]) -> None:
@@ -153,6 +169,7 @@ def test_an_agent_that_stands_still_gets_all_attempts_and_no_reward(made: Callab
     steps, result = episode(env, stand)
     assert result.outcome is Outcome.GAVE_UP
     assert {step[4]["progress"].attempt for step in steps} == {1, 2}
+    assert steps[-1][4]["is_success"] is False
     assert sum(step[1] for step in steps) == 0.0
     assert steps[-1][2]
 
