@@ -69,11 +69,11 @@ class ParametricOnboardCamera:
         self._covariance = frozen(np.diag([max(sigma, MIN_SIGMA) ** 2 for sigma in self._sigma_pose]))
 
     def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
-        """Draw one measurement; none when the frame was lost or neither edge of the target is in view."""
+        """Draw one measurement; none when the frame was lost or nothing of the target is in view."""
         exposure = self.frames.expose(now_ns)
         noise = self._rng.standard_normal(5).tolist()  # as many for every frame, whatever is seen
         X_DU, bearings = self._see(self._X_DU())
-        if exposure is None or self._hidden or X_DU is None or bearings == (None, None):
+        if exposure is None or self._hidden or X_DU is None:
             return ()
         left, right = (
             None if bearing is None else bearing + self._sigma_bearing * n
@@ -84,7 +84,11 @@ class ParametricOnboardCamera:
         return (PoseMeasurement(exposure, X_measured, self._covariance, (left, right)),)
 
     def _see(self, X_DU: SE2) -> tuple[SE2 | None, Bearings]:
-        """Return pose and bearings without their random errors; None where there are none."""
+        """Return pose and bearings without their random errors; None where there are none.
+
+        As designed, the pose is measured wherever an edge is in view. As built it takes a whole tag, which
+        may be one between the edges.
+        """
         if self._sight is not None:
             return self._sight.see(X_DU)
         to_left, to_right = self.spec.lens.field_of_view
@@ -92,7 +96,7 @@ class ParametricOnboardCamera:
             bearing if -to_right <= bearing <= to_left else None
             for bearing in self._los.edge_bearings(X_DU @ self._X_UC)
         )
-        return X_DU, (left, right)
+        return (None if left is None and right is None else X_DU), (left, right)
 
 
 class ParametricOverheadCamera:

@@ -13,12 +13,14 @@ import pytest
 from msrr_bullet.profiler import NullProfiler
 from msrr_bullet.sensors.calibrated_sight import OnboardSight, OverheadSight
 from msrr_bullet.sensors.devices import Devices
+from msrr_bullet.sensors.frame_sequence import FrameSequence
+from msrr_bullet.sensors.parametric_cameras import ParametricOnboardCamera
 from msrr_bullet.simulation.simulation import open_simulation
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.pose.joint_pose import joint_pose
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
-from msrr_scenes.as_built import AsBuilt, draw_as_built
+from msrr_scenes.as_built import AsBuilt, BuiltCamera, draw_as_built
 from msrr_scenes.errors import GeometryError, SceneError
 from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.pinhole import PinholeCamera
@@ -26,6 +28,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Detections, Exposure, Fetch, TagDetection
 from msrr_scenes.placement.placement import Placement
+from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
 
 X_DU = SE2(-0.35, 0.03, -0.08)
@@ -69,6 +72,22 @@ def test_behind_a_lens_that_it_is_told_the_robot_sees_the_truth() -> None:
     from_above = OverheadSight(of, draw_as_built(of, 0)).see("a", X_WA)
     assert from_above is not None
     assert_near(from_above, X_WA, 1e-6, 1e-6)
+
+
+def test_a_tag_between_the_edges_is_enough_for_a_pose() -> None:
+    """From near by, the outer tags of the port are cut off in a narrow picture; the one above them is whole.
+
+    With a camera 3 cm further forward, it would be as near in the seat.
+    """
+    of = scene("careful", perception="parametric", **{"cameras.onboard.hfov_deg": "65"})
+    near, spec = SE2(-0.07, 0.0, 0.0), of.cameras.onboard
+    frames = FrameSequence("a/onboard", spec, BuiltCamera(spec.pinhole), seed=1)
+    narrow = OnboardSight(of, draw_as_built(of, 0), of.docks[0])
+    assert narrow.see(near)[1] == (None, None)
+    camera = ParametricOnboardCamera(of, of.docks[0], lambda: near, stream(1, "seat"), frames, narrow)
+    (measured,) = camera.capture(0, None)
+    assert_near(measured.X_DU, near, 0.01, 0.02)
+    assert measured.edge_bearings == (None, None)
 
 
 @pytest.mark.parametrize(
