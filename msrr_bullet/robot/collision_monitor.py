@@ -81,7 +81,8 @@ class CollisionMonitor:
     A command that leads away from a body always passes, however near the unit is. A body that drives counts
     where it is; if it goes first, also where it would still come if it stopped, as it has told. While a unit
     docks, the target is ignored, and a neighbour that is locked to the target may be as near as the seat of
-    the unit is, less a margin; it is ignored as well once the pins of the unit are in the holes.
+    the unit is, less a margin. Of the poses that the unit may have beside such a neighbour, those with the
+    pins in the holes do not count (:class:`~msrr_bullet.robot.port_map.PortMap`).
     """
 
     def __init__(
