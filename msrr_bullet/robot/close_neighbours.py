@@ -34,6 +34,7 @@ class CloseNeighbours:
 
     Attributes:
         limits: How near the unit may come to each of them [m], by name.
+        offset: Distance of the face of the unit's port ahead of its axle [m].
     """
 
     def __init__(
@@ -63,6 +64,7 @@ class CloseNeighbours:
         group = locked_group(scene, joints, step.target_unit)
         self._X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
         self._setup, self._sigmas = DockSetup.of(scene, step), sigmas
+        self.offset = self._setup.offset
         self._seats = {name: self._X_TD.inverse() @ group[name] for name in self.limits}
 
     def in_dock_frame(self, arena: ArenaEstimate, by_sight: PoseEstimate) -> ArenaEstimate:
@@ -86,6 +88,16 @@ class CloseNeighbours:
             elif not held:
                 others.append(GlobalPose(body.name, body.stamp_ns, self._seats[body.name], _SEATED))
         return ArenaEstimate(by_sight.stamp_ns, own, None, tuple(others), (), by_sight.last_seen_ns)
+
+    def least_gap(self, neighbour: GlobalPose) -> float:
+        """Return the smallest gap at which the unit could come too near to a neighbour [m].
+
+        With a smaller one the pins are in the holes, or no unit can be there.
+
+        Args:
+            neighbour: The neighbour, as :meth:`in_dock_frame` returns it.
+        """
+        return self._setup.pin_reach if self._seats[neighbour.name] == neighbour.X_WB else 0.0
 
     def _in_seat(self, name: str, X_DN: SE2) -> bool:
         """Return whether a neighbour that is seen from above at ``X_DN`` is in its seat."""

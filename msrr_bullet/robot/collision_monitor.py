@@ -14,6 +14,7 @@ from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.collision.locked_group import NEIGHBOUR_MARGIN_M
 from msrr_bullet.robot.close_neighbours import CloseNeighbours
+from msrr_bullet.robot.port_map import PortMap
 from msrr_bullet.robot.stopping_trajectory import LocalMap, StoppingTrajectory
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
@@ -80,7 +81,8 @@ class CollisionMonitor:
     A command that leads away from a body always passes, however near the unit is. A body that drives counts
     where it is; if it goes first, also where it would still come if it stopped, as it has told. While a unit
     docks, the target is ignored, and a neighbour that is locked to the target may be as near as the seat of
-    the unit is, less a margin; it is ignored as well once the pins of the unit are in the holes.
+    the unit is, less a margin. Of the poses that the unit may have beside such a neighbour, those with the
+    pins in the holes do not count (:class:`~msrr_bullet.robot.port_map.PortMap`).
     """
 
     def __init__(
@@ -174,8 +176,17 @@ class CollisionMonitor:
         if by_sight is not None:
             arena = self._neighbours.in_dock_frame(arena, by_sight)
             X_WU = self._trajectory.present_pose(arena.own, now_ns)
+            neighbours: LocalMap = PortMap(
+                self._model,
+                arena,
+                self._reaches,
+                self._spec.sigmas,
+                self._neighbours.offset,
+                {body.name: self._neighbours.least_gap(body) for body in arena.others},
+            )
+        else:
+            neighbours = self._map(arena, close)
         stop_m = min(close.values())
-        neighbours = self._map(arena, close)
         slow_m = stop_m + 0.5 * NEIGHBOUR_MARGIN_M
         second = self._decide_on(decision.twist, neighbours, X_WU, slow_m, stop_m)
         return decision if second.state is MonitorState.FREE else second
@@ -196,14 +207,14 @@ class CollisionMonitor:
         near = local_map.only([name for name, bound in bounds.items() if bound < slow_m])
         present = near.clearance(X_WU)
         assert present is not None, "a map with bodies has a smallest clearance"
-        uncertainty = self._spec.sigmas * max(near.sigmas.values())
+        least_now, uncertainty = near.least(X_WU, present), near.uncertainty(self._spec.sigmas)
         slow, stop = slow_m + uncertainty, stop_m + uncertainty
 
         def min_clearance(command: Twist) -> float:
-            return self._trajectory.min_clearance(command, X_WU, present.distance, near, slow)
+            return self._trajectory.min_clearance(command, X_WU, least_now, near, slow)
 
         ahead = min_clearance(twist)
-        no_loss = present.distance - _LOSS_M
+        no_loss = least_now - _LOSS_M
         if ahead >= min(slow, no_loss) or twist == Twist():  # nothing is better than to stop
             return MonitorDecision(twist, present, MonitorState.FREE, ahead - uncertainty)
         if ahead >= stop:

@@ -32,7 +32,7 @@ _STANDSTILL_RADPS = 0.01
 #: The search of FCL fails where two shapes face each other to within some micrometres (measured: a disc
 #: straight in front of a face, 34 mm too far away), and a unit that is driven at an obstacle ends up just so.
 #: With the unit moved by this pose it does not fail.
-_OFFSET = SE2(1.7e-4, 2.3e-4, 3e-4)
+OFFSET = SE2(1.7e-4, 2.3e-4, 3e-4)
 #: Longest trajectory that is simulated [s], for limits of the drive that brake very slowly.
 _MAX_TIME_S = 5.0
 
@@ -93,19 +93,27 @@ class LocalMap:
         part.sigmas = {name: sigma for name, sigma in self.sigmas.items() if name in names}
         return part
 
+    def uncertainty(self, sigmas: float) -> float:
+        """Return so many standard deviations of the distance from the body that is known worst [m]."""
+        return sigmas * max(self.sigmas.values())
+
     def _centre_distance(self, X_WU: SE2, name: str, X_WB: SE2) -> float:
         """Return the distance from the origin of U to the circle about a body [m]."""
         return math.hypot(X_WB.x - X_WU.x, X_WB.y - X_WU.y) - self._reaches[name]
 
     def clearance(self, X_WU: SE2) -> Clearance | None:
         """Return the smallest clearance of the unit at ``X_WU``; None when there is no other body."""
-        nearest = self._model.nearest(self._own, X_WU @ _OFFSET, self._poses)
+        nearest = self._model.nearest(self._own, X_WU @ OFFSET, self._poses)
         for name, X_WB in self._intended:
             if nearest is None or self._centre_distance(X_WU, name, X_WB) - self.reach < nearest.distance:
-                intended = self._model.nearest(self._own, X_WU @ _OFFSET, {name: X_WB})
+                intended = self._model.nearest(self._own, X_WU @ OFFSET, {name: X_WB})
                 if intended is not None and (nearest is None or intended.distance < nearest.distance):
                     nearest = intended
         return nearest
+
+    def least(self, X_WU: SE2, present: Clearance) -> float:
+        """Return :meth:`distance` at a pose at which :meth:`clearance` is ``present`` [m]."""
+        return present.distance
 
     def distance(self, X_WU: SE2) -> float:
         """Return the smallest clearance of the unit at ``X_WU`` [m]; infinite when there is no other body."""
