@@ -13,6 +13,7 @@ import re
 import shlex
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -84,10 +85,11 @@ def ends(summary: SweepSummary) -> str:
     if summary.mission is not None and summary.mission.docks.trials:
         docks = summary.mission.docks
         parts.append(f"{docks.outcomes.get(Outcome.DOCKED.value, 0)} of {docks.trials} docks")
-    for step in summary.steps:
-        later = {n: count for n, count in sorted(step.docked_by_attempt.items()) if n > 1}
-        for attempt, count in later.items():
+    attempts = sum((Counter(step.docked_by_attempt) for step in summary.steps), Counter[int]())
+    for attempt, count in sorted(attempts.items()):
+        if attempt > 1:
             who = "" if count == summary.trials else f"{count} of them "
+            who = who if len(summary.steps) == 1 else f"{count} of {attempts.total()} docks "
             parts.append(f"{who}on the {_ORDINALS.get(attempt, f'{attempt}th')} attempt")
     return ", ".join(parts)
 

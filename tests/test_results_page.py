@@ -60,6 +60,13 @@ def test_a_row_gets_the_figures_of_its_columns_and_keeps_the_rest(script: Module
     assert lateral == pytest.approx(step.contact_lateral_mm.max, abs=0.051)
     assert yaw == pytest.approx(step.contact_yaw_deg.max, abs=0.0051)
     assert float(closest) == pytest.approx(summary.min_clearance_m, abs=0.00051)
+    late = [step.model_copy(update={"docked_by_attempt": {1: 1, 2: 1}})]
+    assert script.ends(summary.model_copy(update={"steps": late})).endswith(
+        ", 1 of them on the second attempt"
+    )
+    assert script.ends(summary.model_copy(update={"steps": 2 * late})).endswith(
+        ", 2 of 4 docks on the second attempt"
+    )
 
 
 @pytest.mark.nightly
