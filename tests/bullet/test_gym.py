@@ -94,6 +94,7 @@ class Played:
         return Twist(*map(float, next(self.left)))
 
 
+@pytest.mark.usefixtures("undrawn_runs")
 def test_a_controller_with_the_same_commands_has_the_same_trial(
     made: Callable[..., DockingEnv], tmp_path: Path
 ) -> None:
@@ -148,6 +149,7 @@ def test_only_the_last_step_of_a_dock_is_rewarded(made: Callable[..., DockingEnv
     assert [step[4].get("is_success") for step in steps] == [None] * (len(steps) - 1) + [True]
 
 
+@pytest.mark.usefixtures("undrawn_runs")
 def test_an_action_at_the_edge_of_the_space_is_what_the_robot_is_told(
     made: Callable[..., DockingEnv], tmp_path: Path
 ) -> None:
