@@ -28,6 +28,7 @@ LOOPBACK = ("--host", "127.0.0.1", "--no-dashboard")
 
 @contextmanager
 def running(module: str, *arguments: str) -> Iterator[subprocess.Popen[bytes]]:
+    pytest.importorskip("distributed")  # an extra
     process = subprocess.Popen(
         [sys.executable, "-m", f"distributed.cli.{module}", *arguments],
         stdout=subprocess.DEVNULL,
