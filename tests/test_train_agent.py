@@ -54,8 +54,8 @@ class Pursuit:
 @pytest.fixture(autouse=True)
 def libraries(monkeypatch: pytest.MonkeyPatch) -> None:
     torch, algorithms = ModuleType("torch"), ModuleType("stable_baselines3")
-    torch.set_num_threads = lambda threads: None  # type: ignore[attr-defined]
-    algorithms.SAC = Pursuit  # type: ignore[attr-defined]
+    torch.set_num_threads = lambda threads: None  # type: ignore[attr-defined]  # of a module that is made here
+    algorithms.SAC = Pursuit  # type: ignore[attr-defined]  # of a module that is made here
     monkeypatch.setitem(sys.modules, "torch", torch)
     monkeypatch.setitem(sys.modules, "stable_baselines3", algorithms)
     monkeypatch.syspath_prepend(str(PROGRAM.parent))
