@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pybullet
@@ -13,6 +14,7 @@ from msrr_bullet.simulation.floor import GRAVITY_MPS2, gravity
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.as_built import BuiltFloor, draw_as_built
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import urdf_folder
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement
@@ -20,8 +22,8 @@ from msrr_scenes.placement.placement import Placement
 PLACEMENT = Placement({"a": SE2(-0.6, 0.1, 0.0), "b": SE2(1.5, -1.0, 0.0)}, {})
 
 
-def open_world(floor: str) -> BulletWorld:
-    scene = load_scene("close_range", {"as_built": f"{{floor: {floor}}}"})
+def open_world(floor: str, **overrides: str) -> BulletWorld:
+    scene = load_scene("close_range", {"as_built": f"{{floor: {floor}}}", **overrides})
     return BulletWorld(scene, PLACEMENT, built=draw_as_built(scene, 0))
 
 
@@ -89,6 +91,33 @@ def test_a_unit_climbs_over_ridges_at_every_joint() -> None:
     lifted = np.unique(np.round(x[z > 0.0015] / 0.5, 1))
     assert z.max() < 0.006
     assert len(lifted) >= 2
+
+
+@pytest.mark.parametrize("springs", [False, True])
+def test_casters_that_give_way_leave_the_wheels_on_the_floor_at_a_ridge(
+    springs: bool, tmp_path: Path
+) -> None:
+    """The rigid ones of the shipped unit are level with its wheels and lift them."""
+    urdf, rigid = (urdf_folder() / "unit.urdf").read_text(), '<lateral_friction value="0"/>'
+    assert urdf.count(rigid) == 2
+    if springs:
+        urdf = urdf.replace(rigid, rigid + '<stiffness value="10000"/><damping value="100"/>')
+    (tmp_path / "own.urdf").write_text(urdf)
+    with open_world("{ridge_m: 0.001}", **{"units.a.urdf": str(tmp_path / "own.urdf")}) as world:
+        plant = BulletPlant(world)
+        loads = []
+        for tick in range(900):
+            plant.command("a", Twist(0.3, 0.0 if tick < 480 else 0.5))
+            plant.step()
+            loads.append(_wheel_load_n(world, "a"))
+    assert (min(loads) > 5.0) == springs
+    assert float(np.median(loads)) == pytest.approx(2.87 * GRAVITY_MPS2, rel=0.1)
+
+
+def _wheel_load_n(world: BulletWorld, name: str) -> float:
+    unit = world.units[name]
+    contacts = pybullet.getContactPoints(bodyA=unit.body, physicsClientId=world.client)
+    return sum(float(contact[9]) for contact in contacts if contact[3] in unit.wheels)
 
 
 def test_a_level_floor_has_no_ridges() -> None:
