@@ -44,6 +44,8 @@ def coarse_tags(scene: Scene) -> Iterator[str]:
     for step in docks_by_sight(scene):
         target, setup = TargetModel.from_scene(scene, step), DockSetup.of(scene, step)
         X_DU = approach_begins(scene, step, setup)
+        if X_DU is None:
+            continue
         X_CD = target.X_UC.inverse() @ SE3.from_se2(X_DU).inverse()
         edge = max(whole_tags(target, X_CD, target.port_tags).values(), default=0.0)
         if edge < _READ_PX * modules:
@@ -73,11 +75,11 @@ def docks_by_sight(scene: Scene) -> tuple[DockStep, ...]:
     return scene.docks if scene.shape is None else scene.possible_docks
 
 
-def approach_begins(scene: Scene, step: DockStep, setup: DockSetup) -> SE2:
-    """Return the pose X_DU from which a unit approaches its port."""
-    params = route_params(scene.control.assembly)
-    if params is not None and close_range_steps(scene).get(step.unit) is not step:
-        return before_port(setup, params.route.handover_m)
+def approach_begins(scene: Scene, step: DockStep, setup: DockSetup) -> SE2 | None:
+    """Return the pose X_DU from which a unit approaches its port; None where a class of a user decides."""
+    if close_range_steps(scene).get(step.unit) is not step:
+        params = route_params(scene.control.assembly)
+        return None if params is None else before_port(setup, params.route.handover_m)
     placed = nominal_units(scene)
     X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
     return (placed[step.target_unit] @ X_TD).inverse() @ placed[step.unit]

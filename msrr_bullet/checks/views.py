@@ -45,10 +45,9 @@ def check_views(scene: Scene, world: BulletWorld | None, bodies: LoadedBodies | 
     drawn = None if world is None or bodies is None else _DrawnUnits(scene, world, bodies)
     for step in docks_by_sight(scene):
         target, setup = TargetModel.from_scene(scene, step), DockSetup.of(scene, step)
-        places = [
-            ("where its approach begins", approach_begins(scene, step, setup)),
-            ("where it begins another attempt", before_port(setup, scene.docking.retreat_m)),
-        ]
+        places = [("where it begins another attempt", before_port(setup, scene.docking.retreat_m))]
+        if (start := approach_begins(scene, step, setup)) is not None:
+            places.insert(0, ("where its approach begins", start))
         if scene.docking.verify.by_sight:
             places.append(("in its seat", before_port(setup, 0.0)))
         for where, X_DU in places:

@@ -36,6 +36,14 @@ def test_an_onboard_camera_is_asked_where_the_approach_begins(name: str) -> None
     )
 
 
+def test_nothing_is_asked_where_an_assembler_of_a_users_own_ends() -> None:
+    """The start was taken for that place: 2.6 m away in this scene, and facing anywhere."""
+    own = {**_camera("onboard", 160), "control.assembly": "my_lab:Assembler"}
+    assert not list(coarse_tags(load_scene("two_units", own)))
+    [line] = coarse_tags(load_scene("close_range", own))
+    assert "0.80 m from b.rear" in line
+
+
 def test_parametric_cameras_show_no_pixels() -> None:
     scene = load_scene("two_units", {**_camera("overhead", 300), "perception": "parametric"})
     assert not list(coarse_tags(scene))
