@@ -106,7 +106,7 @@ def step_table(result: TrialResult, step: StepResult) -> Table:
         error = contact.estimate_error
         table.add_row(
             "contact: lateral",
-            _error(error.y_m if error else None, 1000.0, "mm"),
+            _error(error.y_m if error else None, 1000.0, "mm", "axle "),
             _mm(contact.lateral_m),
         )
         yaw = _error(error.yaw_rad if error else None, math.degrees(1.0), "deg")
@@ -137,8 +137,8 @@ def _exposures(seen: ExposureCounts) -> str:
     return ", ".join([f"{seen.used} of {seen.total} used", *wrong])
 
 
-def _error(value: float | None, factor: float, unit: str) -> str:
-    return _UNKNOWN if value is None else f"off by {factor * value:+z.2f} {unit}"
+def _error(value: float | None, factor: float, unit: str, of: str = "") -> str:
+    return _UNKNOWN if value is None else f"{of}off by {factor * value:+z.2f} {unit}"
 
 
 def scenes_table(names: tuple[str, ...]) -> Table:

@@ -47,7 +47,7 @@ class Contact(Record):
         lateral_m: Distance of the docking port from the axis of the dock frame D [m].
         yaw_rad: Angle between the docking port and the axis of D, not negative [rad].
         port: Pose of the docking port in D at the height of the pins: the same errors with their signs.
-        estimate_error: Estimate minus truth of the unit in D; None without an estimate.
+        estimate_error: Estimate minus truth of the pose of the axle in D; None without an estimate.
     """
 
     time_s: Distance
