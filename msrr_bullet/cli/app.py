@@ -5,6 +5,7 @@ The exit codes are documented in :mod:`msrr_bullet.cli.exit_codes`.
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import json
 import os
@@ -80,6 +81,7 @@ def main() -> None:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     set_opencv_environment()
     open_closed_streams()
+    faulthandler.enable(2, all_threads=False)  # a crash of compiled code names the line that called it
     signal.signal(signal.SIGTERM, _terminate)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # and not of nohup, which wants it ignored
         signal.signal(signal.SIGHUP, _terminate)

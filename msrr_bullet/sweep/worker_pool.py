@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import logging
 import multiprocessing
@@ -43,6 +44,8 @@ _ENDS_S, _OVERDUE_S = 5.0, 15.0
 
 #: What is said where an executor that was given gives a trial up.
 _DROPPED = "the executor has dropped a trial; what is done so far is kept in the store"
+
+_DIED = "the process of this trial died: by a crash of compiled code, killed, as for memory, or by os._exit"
 
 #: Called with every finished task, and its result or failure.
 Collector = Callable[[TrialTask, TrialResult | TrialFailure], None]
@@ -177,7 +180,7 @@ class WorkerPool:
                 # The pool does not say whose trial killed a worker; run alone, each trial shows it.
                 self._submit(task, 1)
                 if self._collect():
-                    why, stopped = self._overdue or "the process of this trial died", bool(self._overdue)
+                    why, stopped = self._overdue or _DIED, bool(self._overdue)
                     self._collector(task, _failure(task, why, stopped))
             if suspects:
                 self._restart()  # the next trial starts a full pool again
@@ -296,6 +299,7 @@ def _start_worker() -> None:
     import cv2
 
     os.dup2(2, 1)  # what a class of a user's own prints
+    faulthandler.enable(2, all_threads=False)  # a crash of compiled code names the line that called it
 
     gc.set_threshold(50_000)  # as in msrr_bullet.cli.app.main: what is imported is no garbage
     end_with_parent()

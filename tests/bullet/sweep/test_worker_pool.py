@@ -28,15 +28,18 @@ def test_every_seed_is_collected_once(scene: Scene, inline: SupportsSubmit, made
 
 
 def test_a_worker_that_dies_takes_no_other_trial_with_it(
-    short_trial: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    short_trial: dict[str, str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """The others come out as they do in this process."""
+    """The others come out as they do in this process; a crash of compiled code names the line."""
     (tmp_path / "deadly_trial.py").write_text(
-        "import os\n"
+        "import ctypes\n"
         "from msrr_bullet.sweep.trials import one_trial\n"
         "def trial(scene, seed):\n"
         "    if seed == 1:\n"
-        "        os._exit(7)\n"
+        "        ctypes.string_at(0)\n"
         "    return one_trial(scene, seed)\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
@@ -48,6 +51,7 @@ def test_a_worker_that_dies_takes_no_other_trial_with_it(
     )
     assert [f.seed for f in summary.failures] == [1]
     assert "died" in summary.failures[0].error
+    assert f'"{tmp_path / "deadly_trial.py"}", line 5 in trial' in capfd.readouterr().err
     assert summary.outcomes == {"timeout": 3}
     assert [there[seed] for seed in (0, 2, 3)] == [one_trial(scene, seed) for seed in (0, 2, 3)]
 
