@@ -19,6 +19,8 @@ MAX_DEPTH = 24
 MAX_VALUES = 50_000
 #: Longest number [characters], of which double precision uses no more than 17 digits.
 MAX_NUMBER = 40
+#: Numbers that YAML 1.1 has to the base 8 or 60, and YAML 1.2, and people, do not.
+_OTHER_BASE = re.compile(r"[-+]?0[0-9_]+|[-+]?[0-9][0-9_]*:.*")
 #: Longest key [characters].
 MAX_KEY = 100
 
@@ -207,6 +209,11 @@ class _Reader:
             return _checked_text(str(node.value), origin)
         if len(node.value) > MAX_NUMBER:
             raise SceneError(f"{origin}: a number of more than {MAX_NUMBER} characters is refused")
+        if _OTHER_BASE.fullmatch(node.value):
+            raise SceneError(
+                f"{origin}: {node.value} is a number to another base than ten in YAML; "
+                "write it without a leading 0 or a colon"
+            )
         try:
             return self._scalars.construct_object(node)
         except (ValueError, LookupError, yaml.YAMLError):  # LookupError: `!!bool maybe`, `!!int ""`

@@ -82,6 +82,8 @@ def test_merge_keys_are_refused_with_the_way_without_them() -> None:
     [
         ('"\\U00110000"', "no character has the number of this escape"),
         ('"\\UFFFFFFFF"', "no character has the number of this escape"),
+        ("0200", "0200 is a number to another base than ten"),
+        ("3:20", "3:20 is a number to another base than ten"),
         ("!!bool maybe", "'maybe' is not a value of type tag:yaml.org,2002:bool"),
     ],
 )
