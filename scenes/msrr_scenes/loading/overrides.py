@@ -37,9 +37,12 @@ def override_text(key: str, value: object) -> str:
             sort_keys=False,
         )
     except yaml.YAMLError:
+        found = f"an object of type {type(value).__name__}"
+        if isinstance(value, type):
+            found = f"a class, which is named by its import path: '{value.__module__}:{value.__qualname__}'"
         raise SceneError(
-            f"{key}: expected a text, a number, true, false or null, or a list or a dict of these, found an "
-            f"object of type {type(value).__name__}"
+            f"{key}: expected a text, a number, true, false or null, or a list or a dict of these, "
+            f"found {found}"
         ) from None
     except ValueError as error:  # a whole number of thousands of digits
         raise SceneError(f"{key}: {error}") from None

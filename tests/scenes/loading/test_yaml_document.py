@@ -1,5 +1,7 @@
 """YAML documents: plain values with the place of each, and overrides that replace values and places."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -70,6 +72,8 @@ def test_a_scene_takes_values_of_python_and_of_numpy_as_it_takes_texts() -> None
         assert load_scene("close_range_hard", other).model_dump() == scene.model_dump()
     with pytest.raises(SceneError, match=r"link\.latency_ms: expected a text, a number, .* of type object"):
         load_scene("close_range_hard", {"link.latency_ms": object()})
+    with pytest.raises(SceneError, match=r"control\.docking: .* a class, .* 'pathlib:Path'"):
+        load_scene("close_range_hard", {"control.docking": Path})
 
 
 def test_merge_keys_are_refused_with_the_way_without_them() -> None:
