@@ -67,8 +67,9 @@ class Trial:
             mission.run(check_clock)
             if scene_hash(self.scene) != digest:
                 raise ChangedFileError(
-                    f"{self.scene.name}, seed {self.seed}: a URDF, mesh or texture was written while the "
-                    "trial ran, which counts neither for the older robot nor for the newer one. Run it again"
+                    f"{self.scene.name}, seed {self.seed}: while the trial ran, a URDF, mesh or texture was "
+                    "written, or a class of your own wrote into the scene; it counts for neither version. "
+                    "Let nothing write into them, and run it again"
                 )
             result = self._result(digest, mission, environment.simulation.placement.redraws)
             self._telemetry.end(environment.simulation.plant.now_ns(), result.outcome)

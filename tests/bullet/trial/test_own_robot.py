@@ -64,7 +64,7 @@ def test_a_robot_that_is_edited_while_its_trial_runs_has_no_result(tmp_path: Pat
             urdf.write_text(urdf.read_text().replace("</robot>", "<!-- edited --></robot>"))
 
     scene = load_scene(path, BLIND)
-    with pytest.raises(ChangedFileError, match="seed 1: a URDF, mesh or texture was written while the trial"):
+    with pytest.raises(ChangedFileError, match="seed 1: while the trial ran, a URDF, mesh or texture was"):
         run_trial(scene, 1, observer=edit)
     assert run_trial(scene, 1).scene_hash == scene_hash(scene)
 
