@@ -145,6 +145,25 @@ def test_tags_that_are_as_good_as_their_edges_tell_start_a_state(
         assert _first(told, scene, tags) is not None
 
 
+@pytest.mark.parametrize(("sigma_px", "agree"), [(0.25, True), (1.5, False)])
+def test_tags_agree_whose_corners_are_off_by_the_noise_of_corners_however_good_their_edges_are(
+    target: TargetModel, scene: Scene, project: Callable[..., Any], sigma_px: float, agree: bool
+) -> None:
+    """By what is assumed of all corners, 0.25 px, and not by the 0.03 px that the edges of these tell."""
+    known, rng = DriveMotion(target, scene.odometry, DEFAULT_NOISE).prior, np.random.default_rng(6)
+    first = _fit(target, 0.25)
+    for _ in range(10):
+        tags = [
+            replace(
+                tag,
+                corners=tag.corners + rng.normal(0.0, sigma_px, (4, 2)),
+                corner_sigma_px=np.full(4, 0.03),
+            )
+            for tag in _tags(target, project, target.port_tags[:2])
+        ]
+        assert bool(first.states(tags, known)) is agree
+
+
 def test_a_tag_in_the_wrong_place_is_left_out(
     target: TargetModel, scene: Scene, project: Callable[..., Any]
 ) -> None:
