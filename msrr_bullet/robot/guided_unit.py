@@ -181,7 +181,7 @@ class GuidedUnit:
             return self._action
         action = self._action = self._drive_watch.judge(self._program.step(now_ns))
         self._note_progress()
-        if action.phase is Phase.DONE and self._docking is not None and self.dock_step is not None:
+        if action.phase is Phase.DONE and self.dock_step is not None:
             self.docked_to = None if self.leaving else self.dock_step.to
         return action
 
@@ -271,16 +271,17 @@ class GuidedUnit:
         """Note how much of the route is covered, in the dock leg and backwards by the gap to the port."""
         authority, program = self._authority, self._program
         assert authority is not None
+        assert program is not None
         if self.leaving:
             X = self.estimate
-            if X is not None and self.dock_step is not None:
+            if X is not None:
                 gap = -(X.X_DU.x + self._offset)
                 self._covered = max(self._covered, min(gap, authority.legs[0].end))
-            if program is not None and program.phase is Phase.DONE:
+            if program.phase is Phase.DONE:
                 self._covered = authority.legs[0].end
             return
         covered = 0.0 if self._guided is None else self._guided.covered
-        if program is not None and program is self._docking and program.phase is not Phase.ASSEMBLE:
+        if program is self._docking and program.phase is not Phase.ASSEMBLE:
             length, X = authority.legs[-1].end, self.estimate
             if program.phase is Phase.DONE:
                 covered = length
@@ -292,7 +293,6 @@ class GuidedUnit:
         """Return the program that docks at a port; the one that undocks there, if the unit is docked."""
         assert self._authority is not None
         self.dock_step = DockStep(unit=self._unit, port=ACTIVE_PORT, to=port)
-        program, guided = self._programs.at_port(self.dock_step, docked)
-        guided.receive(self._authority)
-        self._guided = None if docked else guided
+        program, self._guided = self._programs.at_port(self.dock_step, docked)
+        self._guided.receive(self._authority)
         return program

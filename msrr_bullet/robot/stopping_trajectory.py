@@ -147,8 +147,7 @@ class StoppingTrajectory:
         before_ns = now_ns if self._now_ns is None else self._now_ns
         while self._link and self._link[0][0] <= now_ns:
             arrival_ns, command = self._link.popleft()
-            if arrival_ns > before_ns:
-                self._velocity = self._follow(self._velocity, self._command, seconds(arrival_ns - before_ns))
+            self._velocity = self._follow(self._velocity, self._command, seconds(arrival_ns - before_ns))
             before_ns, self._command = arrival_ns, command
         self._velocity = self._follow(self._velocity, self._command, seconds(now_ns - before_ns))
         self._now_ns = now_ns
@@ -180,7 +179,7 @@ class StoppingTrajectory:
         if present - self.max_travel(command, local_map.reach) >= threshold:
             return present
         smallest = last = present
-        travel, x, y, yaw = 0.0, 0.0, 0.0, 0.0
+        travel = 0.0
         for x, y, yaw, step in self._poses(command, local_map.reach):
             travel += step
             # No point of the unit has moved farther than `travel`, so no distance has shrunk by more.
@@ -226,7 +225,6 @@ class StoppingTrajectory:
         """
         follow_v, follow_w, sin, cos = self._follow_v, self._follow_w, math.sin, math.cos
         upcoming = self._upcoming(command)
-        v_sent = w_sent = 0.0
         v_now, w_now = self._velocity.v, self._velocity.w
         x, y, yaw, t = 0.0, 0.0, 0.0, 0.0
         while t < _MAX_TIME_S:
@@ -260,9 +258,7 @@ class StoppingTrajectory:
         """Return the commands of the drive, and the times from now on [s], if ``command`` is sent now."""
         upcoming = deque([(0.0, self._command)])
         for arrival_ns, sent in self._link:
-            arrival = seconds(arrival_ns - (self._now_ns or 0))
-            if arrival < self._latency_s:
-                upcoming.append((arrival, sent))
+            upcoming.append((seconds(arrival_ns - (self._now_ns or 0)), sent))
         upcoming.append((self._latency_s, command))
         upcoming.append((self._latency_s + self._period_s, Twist()))  # when the next command could arrive
         return upcoming

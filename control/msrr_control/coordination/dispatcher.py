@@ -15,7 +15,7 @@ from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.target_place import later_ones_fit, place_of_target
 from msrr_control.coordination.task_ends import TaskEnds
 from msrr_control.coordination.task_list import TaskList
-from msrr_control.coordination.waiting_places import WAITING_ROOM_M, waiting_places
+from msrr_control.coordination.waiting_places import waiting_places
 from msrr_control.shapes.tasks import Task, TaskKind
 from msrr_control.tracks.route_request import RouteRequest
 from msrr_scenes.geometry.se2 import SE2
@@ -64,8 +64,6 @@ class Dispatcher:
     def _grant_one(self, tasks: TaskList, now_ns: int) -> bool:
         """Grant one task: to the unit that the assignment names, else to another one that has a route."""
         ready = tasks.ready()
-        if not ready:
-            return False
         assigned = self.assigner.assignment(tasks)
         for task in ready:
             name = assigned.get(task.name)
@@ -82,15 +80,11 @@ class Dispatcher:
 
     def _try(self, task: Task, unit: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
         """Grant a task to a unit if it has a route; return whether it has."""
-        named = unit.state is UnitState.DOCKED and task.unit is not None
-        if unit.X_WU is None or not (named or unit.state is UnitState.IDLE):
+        if unit.state not in (UnitState.IDLE, UnitState.DOCKED):
             return False
-        X_WE = self.ends.pose_of(task, tasks)
-        if X_WE is None and task.kind is not TaskKind.UNDOCK:
-            return False
-        enters = self.ends.port_of(task)
-        if enters is None and task.kind is TaskKind.DOCK:
-            return False
+        X_WE, enters = self.ends.pose_of(task, tasks), self.ends.port_of(task)
+        if task.kind is TaskKind.DOCK and (X_WE is None or enters is None):
+            return False  # nobody knows where its port is
         if enters is not None:
             target = self._units[enters[0]]
             if self._is_awaited_elsewhere(target):
@@ -128,8 +122,7 @@ class Dispatcher:
         """Give a unit a route of its own; return whether there is one."""
         if self.ends.hindrance(unit, X_WE, enters) is not None:
             return False
-        others = [u for u in self._units.values() if u.name != unit.name and u.X_WU is not None]
-        if not clear_of_tracks(unit.pose, unit, others, self._setup.lanes.body):
+        if not clear_of_tracks(unit.pose, unit, self._units.values(), self._setup.lanes.body):
             self.waits_for_tracks = True
             return False
         track = self._setup.finder.find(self._request(unit, X_WE, enters))
@@ -208,10 +201,10 @@ class Dispatcher:
 
         That has to be before the first unit docks to it.
         """
-        docks = [t for t in tasks.open if t.kind is TaskKind.DOCK and t.parent_unit == target.name]
+        docks = [t for t in tasks.open if t.parent_unit == target.name]
         carries = any(target.name == port[0] for unit in self._units.values() for port in unit.docks)
         idle = target in self.assigner.idle() and target.evasions < _EVASIONS
-        if not docks or carries or not idle:
+        if carries or not idle:
             return False
         there = tasks.open, self._units, self._setup, self.ends.obstacles
         reach = all(t.unit is None or self._reaches(self._units[t.unit], t, tasks) for t in docks)
@@ -276,14 +269,14 @@ class Dispatcher:
         open_poses = [
             X for task in tasks.open for X in self.ends.lanes_of(task, tasks, assigned.get(task.name))
         ]
-        others = [u for u in self._units.values() if u.name != unit.name and u.X_WU is not None]
+        seen = [
+            u for u in self._units.values() if u.X_WU is not None
+        ]  # itself as well: it is to go elsewhere
         places = waiting_places(
-            self._setup.lanes, self._setup.finder.box, open_poses, others, self.ends.obstacles
+            self._setup.lanes, self._setup.finder.box, open_poses, seen, self.ends.obstacles
         )
         distance = np.hypot(places[:, 0] - unit.pose.x, places[:, 1] - unit.pose.y)
-        nearest = [k for k in np.argsort(distance, kind="stable").tolist() if distance[k] > WAITING_ROOM_M]
-        for k in nearest[:_WAITING_PLACES]:
-            x, y = places[k].tolist()
+        for x, y in places[np.argsort(distance, kind="stable")[:_WAITING_PLACES]].tolist():
             yaw = math.atan2(y - unit.pose.y, x - unit.pose.x)
             X_WE = SE2(x, y, yaw)
             if task is not None and not self._reaches(unit, task, tasks, X_WU=X_WE):

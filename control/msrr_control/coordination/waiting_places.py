@@ -14,7 +14,7 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
 
-#: Distance of a waiting place from lanes, tracks and other units [m], and the grid of such places [m].
+#: Distance of a waiting place from lanes, tracks and units [m], and the grid of such places [m].
 WAITING_ROOM_M, _GRID_M = 0.36, 0.25
 
 
@@ -22,7 +22,7 @@ def waiting_places(
     lanes: Lanes,
     box: Bounds,
     docked: Iterable[SE2],
-    others: Iterable[UnitRecord],
+    units: Iterable[UnitRecord],
     obstacles: Iterable[ObstacleEstimate],
 ) -> Array:
     """Return the points of a grid that are far enough from whatever is in use.
@@ -31,7 +31,7 @@ def waiting_places(
         lanes: Lanes of the units.
         box: Where units may be and are seen: x low, x high, y low, y high [m].
         docked: Poses of the axle at the ends of the open tasks, whose lanes stay free.
-        others: The other units that have been seen.
+        units: The units that have been seen, that which looks for a place among them.
         obstacles: Obstacles that have been seen.
 
     Returns:
@@ -45,10 +45,10 @@ def waiting_places(
     back = np.linspace(0.0, lanes.length, 8)
     lane = np.stack([-back, np.zeros_like(back)], axis=-1)
     keep: list[Array] = [X_WE.act(lane) for X_WE in docked]
-    for other in others:
-        keep.append(other.pose.translation[None])
-        if other.under_way and other.track is not None:
-            keep.append(other.track.poses[:, :2])
+    for unit in units:
+        keep.append(unit.pose.translation[None])
+        if unit.under_way and unit.track is not None:
+            keep.append(unit.track.poses[:, :2])
     taken = np.concatenate(keep) if keep else np.zeros((0, 2))
     apart = np.hypot(*np.moveaxis(points[:, None] - taken[None], -1, 0)).min(axis=1, initial=math.inf)
     for obstacle in obstacles:

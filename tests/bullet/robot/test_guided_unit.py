@@ -14,6 +14,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     OVERHEAD,
     Action,
+    Belief,
     Exposure,
     FailureReason,
     GlobalPose,
@@ -36,6 +37,11 @@ def test_a_route_without_legs_ends_where_the_unit_stands() -> None:
         {"name": "one", "units": {"a": {"number": 0}}, "cameras": {"overhead": {}}, "shape": {"line": 1}}
     )
     unit = GuidedUnit(scene, "a")
+    shown = (unit.estimate, unit.los, unit.arena, unit.monitor, unit.assembly, unit.path, unit.dock_step)
+    assert shown == (None,) * 7
+    assert unit.belief == Belief()
+    report = unit.report(0)
+    assert (report.seq, report.route, report.progress, report.mode) == (0, 0, 0.0, UnitMode.STANDING)
     unit.authorise(Authority("a", 1, 1, 0, 3_000_000_000, 0.0, (), None, False))
     assert unit.active
     assert unit.step(20_000_000).twist == Twist()
@@ -64,21 +70,24 @@ def test_a_new_route_begins_with_what_was_seen_before() -> None:
     unit = GuidedUnit(scene, "a")
     assert not unit.active, "it listens on standby, too"
     unit.see(SeenPoses(100_000_000, (_seen("a", 100_000_000, 0.0), _seen("post", 100_000_000, 0.4))))
-    leg = RouteLeg(LegKind.TURN, (0.0, 0.0, 0.0), (), (), 1.0, 0.1)
-    for route in (1, 2):
+    turn = RouteLeg(LegKind.TURN, (0.0, 0.0, 0.0), (), (), 1.0, 0.1)
+    path = RouteLeg(LegKind.PATH, (0.0, 0.0, 0.0), (0.0,), (0.1,), 0.0, 0.1)
+    for route, leg in ((1, turn), (2, path)):
         unit.authorise(Authority("a", route, route, 0, 10_000_000_000, leg.end, (leg,), None, False))
         now_ns = 200_000_000 * route
         unit.step(now_ns)
         assert unit.route == route
         assert unit.arena is not None
         assert [o.name for o in unit.arena.obstacles] == ["post"]
+        assert (unit.path is not None) is (leg is path), "of a turn there is none"
 
 
-def test_a_route_is_reported_from_its_first_command_to_its_end() -> None:
+@pytest.mark.parametrize("turn", [1.0, -1.0])
+def test_a_route_is_reported_from_its_first_command_to_its_end(turn: float) -> None:
     scene = Scene.model_validate(
         {"name": "one", "units": {"a": {"number": 0}}, "cameras": {"overhead": {}}, "shape": {"line": 1}}
     )
-    unit, leg = GuidedUnit(scene, "a"), RouteLeg(LegKind.TURN, (0.0, 0.0, 0.0), (), (), 1.0, 0.1)
+    unit, leg = GuidedUnit(scene, "a"), RouteLeg(LegKind.TURN, (0.0, 0.0, 0.0), (), (), turn, 0.1)
     assert not unit.uses_camera(OVERHEAD)
     unit.authorise(Authority("a", 1, 1, 0, 60_000_000_000, leg.end, (leg,), None, False))
     geometry, yaw = scene.geometry("a"), 0.0
@@ -89,11 +98,13 @@ def test_a_route_is_reported_from_its_first_command_to_its_end() -> None:
         if now_ns % 100_000_000 == 0:
             pose = GlobalPose("a", now_ns, SE2(0.0, 0.0, yaw), 1e-6 * np.eye(3))
             unit.see(SeenPoses(now_ns, (SeenPose(pose, np.zeros((3, 3))),)))
-        yaw += 0.02 * unit.step(now_ns).twist.w
+        w = unit.step(now_ns).twist.w
+        yaw += 0.02 * w
         report = unit.report(now_ns)
         assert (report.seq, report.route, report.docked_to) == (1, 1, None)
-        assert report.progress == pytest.approx(0.1 * yaw, abs=0.005)
+        assert report.progress == pytest.approx(0.1 * abs(yaw), abs=0.005)
         assert (unit.assembly is not None) is (unit.active and unit.arena is not None)
+        assert (report.mode is UnitMode.DRIVING) is (abs(w) >= 0.03)
         told.append((report.mode, unit.active))
     changes = [now for before, now in pairwise(told) if now != before]
     assert told[0] == (UnitMode.STANDING, True), "it has not been seen yet"
@@ -101,7 +112,7 @@ def test_a_route_is_reported_from_its_first_command_to_its_end() -> None:
     assert {mode for mode, _ in changes[1:]} == {UnitMode.STANDING}
     assert changes[-1] == (UnitMode.STANDING, False)
     assert report.progress == leg.end
-    assert yaw == pytest.approx(1.0, abs=0.02)
+    assert yaw == pytest.approx(turn, abs=0.02)
 
 
 @pytest.mark.parametrize("share", [-1.0, 0.5, 1.0])
@@ -234,15 +245,20 @@ def test_a_unit_docks_and_leaves_its_port_and_reports_the_way() -> None:
     for route in (1, 3):
         way = rig.gap
         rig.grant(route, rig.leg(LegKind.DOCK, 0.0, way), to="a.rear")
-        begun = len(rig.reports)
+        begun, shown = len(rig.reports), []
         rig.step()
         while rig.unit.active:
             rig.step()
             assert not rig.unit.uses_camera(OVERHEAD), "the base station reads its pictures"
+            far = rig.action.phase is Phase.ASSEMBLE
+            assert rig.unit.uses_camera("b/onboard") is not far
+            shown.append((rig.unit.los is not None, rig.unit.monitor is not None))
+            assert rig.report.progress <= way
             if rig.unit.estimate is not None:
                 assert rig.report.progress == pytest.approx(way - rig.gap, abs=0.01)
         reports = rig.reports[begun:]
         assert {report.route for report in reports} == {route}
+        assert (True, True) in shown, "it shows its line of sight and its monitor"
         assert _never_falls(reports)
         assert (rig.report.mode, rig.report.docked_to) == (UnitMode.DOCKED, "a.rear")
         assert rig.report.progress == way
@@ -261,16 +277,22 @@ def test_a_unit_docks_and_leaves_its_port_and_reports_the_way() -> None:
         assert rig.unit.leaving
         while rig.unit.leaving:
             assert rig.report.progress == pytest.approx(max(rig.gap, 0.0), abs=0.01)
+            assert rig.report.progress <= 0.3, "the rest is not covered before it is begun"
             assert rig.unit.active
             rig.step()
         assert rig.gap == pytest.approx(0.3, abs=0.02)
         assert rig.report.progress >= 0.3
         assert (rig.report.docked_to, rig.unit.dock_step, rig.unit.estimate) == (None, None, None)
         assert not rig.action.lock
-        modes = {UnitMode.STANDING}
+        modes, intends = {UnitMode.STANDING}, False
         while rig.unit.active:
             rig.step()
             modes.add(rig.report.mode)
+            slow = abs(rig.action.twist.v) < 0.01 and abs(rig.action.twist.w) < 0.03
+            assert rig.report.mode is (UnitMode.STANDING if slow else UnitMode.DRIVING)
+            intends |= bool(rig.report.stopping)
+        assert intends, "who drives tells where it would still come"
+        assert rig.report.stopping == ()
         assert modes == {UnitMode.STANDING, UnitMode.DRIVING}
         assert _never_falls(rig.reports[out:])
         assert rig.report.progress == 0.5
@@ -287,7 +309,7 @@ def test_a_unit_that_only_leaves_its_port_is_on_standby_then() -> None:
     while rig.unit.leaving:
         assert rig.report.route == 1
         rig.step()
-    assert rig.reports[-2].progress == 0.2
+    assert (rig.reports[-2].progress, rig.action.reason) == (0.2, "on standby")
     assert rig.gap == pytest.approx(0.2, abs=0.02)
     assert (rig.unit.dock_step, rig.unit.estimate, rig.unit.docked_to) == (None, None, None)
     rig.run()
@@ -326,6 +348,27 @@ def test_a_unit_keeps_out_of_where_one_that_goes_first_would_still_come() -> Non
         rig.grant(1, *legs, ahead=rig.gap + 0.32 if rig.action.phase is Phase.DONE else None)
         rig.step()
     assert {rig.action.twist, *(rig.step().twist for _ in range(40))} == {Twist()}
+
+
+def test_a_unit_drives_as_far_as_the_newest_authority_of_its_route_lets_it() -> None:
+    rig = Rig(0.4)
+    leg = rig.leg(LegKind.REVERSE, 0.0, 0.4)
+    rig.grant(1, leg, share=0.5)
+    for share in (0.5, 1.0):
+        for _ in range(250):
+            rig.step()
+        assert rig.gap == pytest.approx(0.4 + 0.4 * share, abs=0.02)
+        assert rig.unit.active is (share < 1.0)
+        rig.grant(1, leg)
+
+    rig = Rig(0.1)
+    leg = rig.leg(LegKind.DOCK, 0.0, 0.1)
+    rig.grant(1, leg, share=0.0, to="a.rear")
+    for _ in range(100):
+        assert rig.step().twist == Twist()
+    rig.grant(1, leg, to="a.rear")
+    rig.run()
+    assert rig.report.docked_to == "a.rear"
 
 
 def test_a_unit_that_is_to_stay_where_it_stands_has_no_dock_any_more() -> None:

@@ -263,6 +263,27 @@ def test_no_smaller_clearance_on_the_way_is_missed(scene: Scene) -> None:
     assert matters >= 40
 
 
+def test_the_end_of_the_way_is_measured_wherever_it_is(scene: Scene) -> None:
+    """Straight at a post, from distances that differ by a millimetre; at most ends no measurement is due."""
+    model, reaches = ClearanceModel.from_scene(scene), {**REACHES, "a": scene.geometry("a").circumradius}
+    trajectory, command, threshold, matters = StoppingTrajectory(scene), Twist(0.2), 0.03, 0
+    for k in range(60):
+        trajectory.advance(k * 20_000_000)
+        trajectory.send(command)
+    *_, (x, y, yaw, _) = trajectory._poses(command, reaches["a"])
+    for mm in range(210, 270):
+        X_WU = SE2(-1e-3 * mm, 0.0, 0.0)
+        local_map = LocalMap(model, _known(X_WU, NOTHING, NOTHING, NOTHING), reaches, ["post"])
+        end = local_map.distance(X_WU @ SE2(x, y, yaw))
+        found = trajectory.min_clearance(command, X_WU, local_map.distance(X_WU), local_map, threshold)
+        if end < threshold:
+            matters += 1
+            assert found == pytest.approx(end, abs=1e-4)
+        else:
+            assert found >= threshold
+    assert 20 < matters < 50
+
+
 def test_a_trajectory_ends_when_both_speeds_have_fallen_and_nothing_is_under_way(scene: Scene) -> None:
     """And not before a brake that takes seconds has stopped the unit."""
     slow = {"a_max_mps2": 0.1, "dw_max_radps2": 0.4}
@@ -329,11 +350,18 @@ def test_the_predicted_way_is_made_of_arcs(scene: Scene, command: Twist) -> None
 
 
 @pytest.mark.parametrize("latency_ms", [0.0, 150.0])
-@pytest.mark.parametrize("command", [Twist(0.3, 0.0), Twist(-0.2, 0.9), Twist(0.0, 1.0)], ids=str)
+@pytest.mark.parametrize(
+    "command",
+    [Twist(0.3, 0.0), Twist(-0.2, 0.9), Twist(0.0, 1.0), Twist(0.02, 0.0), Twist(0.0, 0.1)],
+    ids=str,
+)
 def test_the_bound_of_the_travel_is_above_it_by_the_lag_of_the_drive_at_most(
     scene: Scene, command: Twist, latency_ms: float
 ) -> None:
-    """At 10 Hz a period and the latency are longer than that lag: a bound with one too few or many fails."""
+    """At 10 Hz a period and the latency are longer than that lag: a bound with one too few or many fails.
+
+    A slow unit goes nearly all of its way while its drive follows the stop.
+    """
     changes = {
         "link": scene.link.model_copy(update={"latency_ms": latency_ms}),
         "control": scene.control.model_copy(update={"rate_hz": 10.0}),
@@ -347,6 +375,28 @@ def test_the_bound_of_the_travel_is_above_it_by_the_lag_of_the_drive_at_most(
     assert lag_s < 1.0 / 10.0
     bound = trajectory.max_travel(command, reach)
     assert travel <= bound <= travel + speed * (lag_s + 0.02)
+    for k in range(60, 64):  # told to stop, but still at speed
+        trajectory.advance(k * 100_000_000)
+        travel = sum(step for *_, step in trajectory._poses(Twist(), reach))
+        assert travel <= trajectory.max_travel(Twist(), reach) + 1e-9
+        trajectory.send(Twist())
+
+
+def test_it_does_not_matter_how_often_the_drive_is_simulated(scene: Scene) -> None:
+    """After a pause in which several commands arrived, each of them was in force for its time."""
+    scene = scene.model_copy(update={"link": scene.link.model_copy(update={"latency_ms": 200.0})})
+    rng, often, once = np.random.default_rng(2), StoppingTrajectory(scene), StoppingTrajectory(scene)
+    for k in range(10):
+        command = Twist(*rng.uniform([-0.1, -1.0], [0.4, 1.0]))
+        for trajectory in (often, once):
+            trajectory.advance(k * 20_000_000)
+            trajectory.send(command)
+    for k in range(10, 15):
+        often.advance(k * 20_000_000)
+    once.advance(14 * 20_000_000)
+    ends = [[X.as_array() for X in one.stopping_poses(SE2(), 0.15)] for one in (often, once)]
+    assert ends[0]
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-9)
 
 
 def test_an_estimate_of_the_past_is_carried_on_in_the_heading_of_the_unit(scene: Scene) -> None:
@@ -377,6 +427,17 @@ def test_a_unit_travels_as_far_backwards_and_to_the_right(scene: Scene) -> None:
             trajectory.send(sent)
             farthest.add(trajectory.max_travel(command, 0.2))
     assert len(farthest) == 1
+
+
+@pytest.mark.parametrize("sent", [Twist(0.3, 0.0), Twist(0.0, 0.5)], ids=str)
+def test_a_unit_travels_by_what_is_on_its_way_to_it(scene: Scene, sent: Twist) -> None:
+    scene = scene.model_copy(update={"link": scene.link.model_copy(update={"latency_ms": 100.0})})
+    trajectory = StoppingTrajectory(scene)
+    for k in range(3):
+        trajectory.advance(k * 20_000_000)
+        trajectory.send(sent)
+    travel = sum(step for *_, step in trajectory._poses(Twist(), 0.2))
+    assert 0.0 < travel <= trajectory.max_travel(Twist(), 0.2)
 
 
 @pytest.mark.parametrize("command", [Twist(0.4, 0.0), Twist(-0.3, 0.7), Twist(0.0, -1.5)], ids=str)
@@ -438,6 +499,10 @@ def test_a_body_with_an_intent_is_as_near_as_it_is_or_will_be(scene: Scene, seed
         assert part.distance(X_WU) == local_map(poses[0], (name,), intent).distance(X_WU)
         assert part.bounds(X_WU, 2.0) == {name: bounds[name]}
         # The clearance is measured a third of a millimetre aside.
-        assert bounds[name] + 2.0 * whole.sigmas[name] <= part.distance(X_WU) + 4e-4
+        gap = bounds[name] + 2.0 * whole.sigmas[name]  # of the circles about the two bodies
+        assert gap <= part.distance(X_WU) + 4e-4
+        assert part.distance(X_WU) <= gap + whole.reach + reaches[name] + 4e-4, "each contains its origin"
+    worst = max(whole.only([name]).uncertainty(2.0) for name in ("b", "post"))
+    assert whole.uncertainty(2.0) == worst > 0.0
     nobody = whole.only([])
     assert (nobody.distance(X_WU), nobody.bounds(X_WU, 2.0), nobody.clearance(X_WU)) == (math.inf, {}, None)

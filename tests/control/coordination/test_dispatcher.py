@@ -13,6 +13,7 @@ from msrr_control.coordination.interlock import Interlock
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.task_list import TaskList
+from msrr_control.coordination.waiting_places import waiting_places
 from msrr_control.shapes.tasks import Task, TaskKind, TaskState
 from msrr_control.tracks.track import standing
 from msrr_scenes.geometry.se2 import SE2
@@ -83,8 +84,12 @@ def test_units_set_out_together_unless_one_goes_after_the_other(
 
 
 def test_whoever_stands_in_the_lane_is_sent_to_where_it_is_in_nobody_s_way(setup: CoordinationSetup) -> None:
-    """One after the other, whatever else others are under way for; whoever stands elsewhere stays."""
-    units = _units(a=A, b=B, c=IN_LANE, d=SE2(-0.7, 0.0, 0.0), e=SE2(0.3, 0.6, 0.0))
+    """One after the other, whatever else others are under way for.
+
+    Whoever stands elsewhere stays, even nearer to the port.
+    """
+    X_WC = SE2(-0.3, 0.05, 0.0)
+    units = _units(a=A, b=B, c=X_WC, d=SE2(-0.7, 0.0, 0.0), e=SE2(0.3, 0.36, 0.0))
     units |= {"f": UnitRecord("f", SE2(1.7, -1.0, 0.5 * math.pi)), "unseen": UnitRecord("unseen")}
     base = Base(setup, units, [DOCK, Task("f", TaskKind.MOVE, "f", pose=SE2(1.7, 0.9, 0.5 * math.pi))])
     assert base.dispatch()
@@ -92,7 +97,6 @@ def test_whoever_stands_in_the_lane_is_sent_to_where_it_is_in_nobody_s_way(setup
     assert base.under_way == {"c": None, "f": "f"}
     assert (units["c"].evasions, units["c"].reason) == (1, "makes way")
     end = units["c"].destination
-    assert end.yaw == pytest.approx(math.atan2(end.y - IN_LANE.y, end.x - IN_LANE.x))
     seat = setup.lanes.body.docked(B, "rear")
     assert not setup.lanes.closed_by(seat, end)
     for X in (A, B, units["d"].pose, units["e"].pose):
@@ -104,6 +108,40 @@ def test_whoever_stands_in_the_lane_is_sent_to_where_it_is_in_nobody_s_way(setup
     assert base.under_way == {"d": None, "f": "f"}
     end = units["d"].destination
     assert math.hypot(end.x + 0.7, end.y) < 1.0, "the nearest place that is free"
+
+
+def test_whoever_makes_way_goes_to_the_nearest_place_that_is_free_and_for_no_task(
+    setup: CoordinationSetup,
+) -> None:
+    units = _units(a=A, b=B, c=SE2(-0.3, -0.1, 2.0))
+    c, seat = units["c"], setup.lanes.body.docked(B, "rear")
+    c.task, c.evasions = "before", 1
+    places = waiting_places(setup.lanes, setup.finder.box, [seat], units.values(), ())
+    x, y = min(places.tolist(), key=lambda place: math.dist(place, (c.pose.x, c.pose.y)))
+    base = Base(setup, units)
+    assert base.dispatch()
+    assert base.under_way == {"c": None}
+    yaw = math.atan2(y - c.pose.y, x - c.pose.x)
+    assert c.destination.as_array() == pytest.approx([x, y, yaw], abs=1e-6)
+    assert c.evasions == 2
+
+
+def test_a_task_that_nobody_can_begin_keeps_no_one_from_making_way_for_a_later_one(
+    setup: CoordinationSetup,
+) -> None:
+    """Its unit or its target was never seen, an obstacle stays in the lane, or its port is taken."""
+    units = _units(a=A, b=B, c=IN_LANE, d=SE2(1.2, -0.9, 0.0), e=setup.lanes.body.docked(B, "right"))
+    units["e"].state, units["e"].holder = UnitState.DOCKED, ("b", "right")
+    units |= {name: UnitRecord(name) for name in ("unseen", "hidden")}
+    vain = [
+        Task("unseen", TaskKind.MOVE, "unseen", pose=SE2()),
+        Task("d to hidden", TaskKind.DOCK, "d", parent_unit="hidden", port="rear"),
+        Task("d to left", TaskKind.DOCK, "d", parent_unit="b", port="left"),
+        Task("d to right", TaskKind.DOCK, "d", parent_unit="b", port="right"),
+    ]
+    base = Base(setup, units, [*vain, DOCK])
+    assert base.dispatch(_post(0.4, 0.6, 0.05))
+    assert base.under_way == {"c": None}
 
 
 def test_nobody_makes_way_where_that_would_not_help(setup: CoordinationSetup) -> None:
@@ -123,6 +161,11 @@ def test_nobody_makes_way_where_that_would_not_help(setup: CoordinationSetup) ->
     failed = base(d=SE2(-0.5, 0.0, 0.0))
     failed.units["d"].state = UnitState.FAILED
     assert not failed.dispatch()
+
+    dead = base()
+    dead.units["b"].state = UnitState.FAILED
+    del dead.units["c"]
+    assert not dead.dispatch(), "nobody is allowed into the port of a unit that has failed"
 
     tired = base()
     tired.units["a"].evasions = tired.units["c"].evasions = TIRED
@@ -152,6 +195,9 @@ def test_one_that_stands_in_no_lane_is_sent_away_only_where_that_opens_a_route(
     assert base.under_way == {"c": None}
     closed = _boxed_in(setup)
     assert not closed.dispatch(_post(0.0, 0.9, 0.3)), "nobody, for no route leads there from anywhere"
+    beside = _boxed_in(setup)
+    assert beside.dispatch(_post(-0.4, 0.9, 0.05)), "only one that docks needs the ground behind its end"
+    assert beside.under_way == {"c": None}
 
 
 def test_whoever_stands_in_the_only_way_goes_before_the_unit_of_the_task(setup: CoordinationSetup) -> None:
@@ -161,6 +207,11 @@ def test_whoever_stands_in_the_only_way_goes_before_the_unit_of_the_task(setup: 
     base = Base(setup, _units(a=SE2(-1.4, 0.2, 0.0), c=SE2(-0.35, 0.0, 1.0)), [task])
     assert base.dispatch(*wall)
     assert base.under_way == {"c": None}
+    target = SE2(1.3, 0.8, 0.0)
+    both = _units(a=SE2(-1.4, 0.2, 0.0), b=target, d=SE2(-0.85, 0.0, 1.0), c=SE2(-0.35, 0.0, 1.0))
+    base = Base(setup, both)
+    assert base.dispatch(*wall)
+    assert base.under_way == {"c": None}, "of two, the nearer one to the end, but never the target"
 
 
 def _at_border(setup: CoordinationSetup, **others: SE2) -> Base:
@@ -172,11 +223,15 @@ def test_a_target_goes_to_where_its_port_can_be_reached(setup: CoordinationSetup
     base = _at_border(setup, c=SE2(0.6, -0.9, 0.0))
     other = Task("c to b", TaskKind.DOCK, "c", parent_unit="b", port="left")
     base.tasks = TaskList([DOCK, other])
-    assert base.dispatch()
     b = base.units["b"]
+    b.task, b.evasions = "before", 1
+    assert base.dispatch()
     assert base.under_way == {"b": None, "a": DOCK.name, "c": other.name}, "they drive to where it will stand"
-    assert (b.evasions, b.reason) == (1, "goes where its ports can be reached")
+    assert (b.evasions, b.reason) == (2, "goes where its ports can be reached")
     assert b.enters is None
+    nowhere = _at_border(setup)
+    nowhere.dispatch(_post(0.3, 0.0, 1.4), _post(-1.6, 0.8, 0.3), _post(-1.6, -0.8, 0.3))
+    assert "b" not in nowhere.under_way, "there is no such place"
     end = setup.lanes.end(setup.lanes.body.docked(b.destination, "rear"))
     x0, x1, y0, y1 = setup.finder.box
     assert x0 < end.x < x1
@@ -203,9 +258,10 @@ def test_a_target_stays_where_it_carries_others_or_has_moved_in_vain(setup: Coor
     seat = setup.lanes.body.docked(SE2(-1.6, 0.0, 0.0), "left")
     carries = _at_border(setup, c=seat)
     carries.units["c"].state, carries.units["c"].holder = UnitState.DOCKED, ("b", "left")
-    tired = _at_border(setup)
+    tired, root = _at_border(setup), _at_border(setup)
     tired.units["b"].evasions = TIRED
-    for base in (carries, tired):
+    root.units["b"].state = UnitState.DOCKED
+    for base in (carries, tired, root):
         assert not base.dispatch(), "a would not reach the port from elsewhere, either"
 
 
@@ -294,6 +350,10 @@ def test_an_obstacle_in_the_lane_ahead_is_told_of_those_who_drive_to_it(setup: C
     assert [base.dispatcher.ahead_in_lane(unit) for unit in base.units.values()] == ["post", None, None]
     base.units["a"].stand(2_000_000_000, "")
     assert base.dispatcher.ahead_in_lane(base.units["a"]) is None
+    moves = Base(setup, _units(a=A), [Task("a", TaskKind.MOVE, "a", pose=B)])
+    assert moves.dispatch()
+    moves.dispatcher.ends.obstacles = (_post(0.65, 0.0, 0.03),)
+    assert moves.dispatcher.ahead_in_lane(moves.units["a"]) is None, "it drives into no port"
 
 
 def test_another_unit_gets_a_task_for_which_the_nearest_finds_no_route(setup: CoordinationSetup) -> None:
@@ -305,6 +365,30 @@ def test_another_unit_gets_a_task_for_which_the_nearest_finds_no_route(setup: Co
     assert base.dispatcher.assigner.assignment(base.tasks) == {"place": "a"}
     assert base.dispatch()
     assert base.under_way == {"d": "place"}
+
+
+def test_a_task_waits_for_which_no_unit_is_left(setup: CoordinationSetup) -> None:
+    """The only one is boxed in, and has another task."""
+    base = _boxed_in(setup)
+    base.units["c"].state = UnitState.FAILED
+    del base.units["d"]
+    base.tasks = TaskList(
+        [Task(name, TaskKind.MOVE, pose=SE2(x, 0.0, 0.0)) for name, x in (("1", 0.0), ("2", 1.0))]
+    )
+    assert not base.dispatch()
+    assert base.dispatcher.hindrance(base.tasks.open[1], base.tasks) == "a finds no route past c"
+
+
+@pytest.mark.parametrize("state", [UnitState.DOCKED, UnitState.FAILED])
+def test_nobody_sets_out_for_a_port_of_a_place_whose_unit_has_failed(
+    state: UnitState, setup: CoordinationSetup
+) -> None:
+    root = Task("root", TaskKind.MOVE, pose=B, stays=True)
+    base = Base(setup, _units(a=A, b=B), [root, Task("arm", TaskKind.DOCK, parent="root", port="rear")])
+    base.tasks.grant("root")
+    base.tasks.finish("root")
+    base.units["b"].task, base.units["b"].state = "root", state
+    assert base.dispatch() is (state is UnitState.DOCKED)
 
 
 def test_of_the_others_the_nearest_with_a_route_gets_the_task(setup: CoordinationSetup) -> None:
@@ -344,7 +428,7 @@ def test_a_unit_that_has_stopped_short_is_docked_to_when_nobody_drives_to_where_
     assert base.under_way == {"a": DOCK.name, "c": right.name}
     base.tasks.reopen(right.name)
     base.units["c"].stand(2_000_000_000, "")
-    base.units["b"].X_WU = B @ SE2(-0.3, 0.0, 0.0)  # elsewhere than where a drives to
+    base.units["b"].X_WU = B @ SE2(0.3, 0.0, 0.0)  # elsewhere than where a drives to
     base.dispatch()
     assert right.name not in base.under_way.values()
     base.tasks.reopen(DOCK.name)
@@ -362,6 +446,10 @@ def test_hindrances_are_told_by_unit(setup: CoordinationSetup) -> None:
     units["c"] = UnitRecord("c", state=UnitState.FAILED)
     unseen = Base(setup, units, [free])
     assert unseen.dispatcher.hindrance(free, unseen.tasks) == "no unit is left; never seen from above: a"
+    failed = Base(setup, {"c": UnitRecord("c", B, state=UnitState.FAILED)}, [free])
+    assert failed.dispatcher.hindrance(free, failed.tasks) == "no unit is left"
+    waits = Base(setup, _units(a=A, d=SE2(-1.2, 0.1, 0.0)), [free])
+    assert waits.dispatcher.hindrance(free, waits.tasks) == "d finds no route", "the one that is to do it"
     boxed = _boxed_in(setup)
     boxed.units["c"].state = UnitState.FAILED
     assert boxed.dispatcher.hindrance(boxed.listed[0], boxed.tasks) == "a finds no route past c"

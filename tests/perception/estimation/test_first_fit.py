@@ -145,6 +145,26 @@ def test_tags_that_are_as_good_as_their_edges_tell_start_a_state(
         assert _first(told, scene, tags) is not None
 
 
+@pytest.mark.parametrize(("sigma_px", "agree"), [(0.25, True), (1.5, False)])
+def test_tags_agree_whose_corners_are_off_by_the_noise_of_corners_however_good_their_edges_are(
+    target: TargetModel, scene: Scene, project: Callable[..., Any], sigma_px: float, agree: bool
+) -> None:
+    """By what is assumed of all corners, 0.25 px, and not by the 0.03 px that the edges of these tell."""
+    known, rng = DriveMotion(target, scene.odometry, DEFAULT_NOISE).prior, np.random.default_rng(6)
+    sheet = DataSheet(0.0, target.corner_errors.blur_px, target.corner_errors.contrast, 0.03)
+    first = FirstFit(target, sheet, CornerNoise(0.25, 1e-3), 1.0)
+    for _ in range(10):
+        tags = [
+            replace(
+                tag,
+                corners=tag.corners + rng.normal(0.0, sigma_px, (4, 2)),
+                corner_sigma_px=np.full(4, 0.03),
+            )
+            for tag in _tags(target, project, target.port_tags[:2])
+        ]
+        assert bool(first.states(tags, known)) is agree
+
+
 def test_a_tag_in_the_wrong_place_is_left_out(
     target: TargetModel, scene: Scene, project: Callable[..., Any]
 ) -> None:
@@ -241,6 +261,22 @@ def test_tags_agree_up_to_twice_the_freedom_of_their_corners() -> None:
         assert _is_good(most, tags)
         assert not _is_good(most + 1e-6, tags)
         assert chi2.sf(most, freedom) < 6e-4
+
+
+@pytest.mark.parametrize("seed", [75, 90, 140])
+def test_a_tag_whose_corners_are_in_an_order_that_no_tag_has_starts_states_that_say_where_the_unit_is(
+    scene: Scene, project: Callable[..., Any], seed: int
+) -> None:
+    """Or none: in these cases a fit ends where the corners say nothing, or no fit has a solution."""
+    told = Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": "careful"}).told()
+    target, rng = TargetModel.from_scene(told, told.docks[0]), np.random.default_rng(seed)
+    known = DriveMotion(target, told.odometry, DEFAULT_NOISE).prior
+    (tag,) = _tags(target, project, [target.port_tags[seed % 3]])
+    middle = tag.corners.mean(axis=0)
+    mixed = middle + 10 ** rng.uniform(-3.0, 0.0) * (rng.permutation(tag.corners) - middle)
+    for state in _fit(target, 0.25).states([replace(tag, corners=mixed)], known):
+        assert np.linalg.eigvalsh(state.covariance).min() > 0.0
+        assert np.diag(state.covariance)[:3].max() < 1e6
 
 
 @pytest.mark.parametrize("built", ["careful", "perfect"])
