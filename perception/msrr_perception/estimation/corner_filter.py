@@ -137,7 +137,7 @@ class CornerEkf:
             self._wheels.forget_before(reading.stamp_ns - max(self._horizon_ns, _LATEST_NS) - about_ns)
         elif reading.stamp_ns < newest_ns - self._horizon_ns:
             self._predictions.clear()
-        elif self._history.process_again(before_ns, about_ns):  # the motion at some exposures was guessed
+        elif self._history.invalidate(before_ns, about_ns):  # the motion at some exposures was guessed
             self._predictions.clear()
             self._head = None
         else:

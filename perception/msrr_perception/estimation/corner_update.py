@@ -6,8 +6,9 @@ Every error of calibration that has a tolerance is in the state, so that it corr
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -70,6 +71,11 @@ class CornerUpdate:
         self._shown = self._layout.size if self._layout.marker is None else self._layout.marker
         edges = self._layout.tags.columns[:, EDGE] - self._layout.first
         self._no_pixels = sorted({int(column) for column in edges if column >= 0})
+        # The tags of the port, seen as joint_pose takes them to be.
+        which = np.array([self._layout.index[i] for i in target.port_tags], dtype=np.int64)
+        roots = np.tile(DEFAULT_CORNER_NOISE.corner_sigma_px * np.eye(8), (len(which), 1, 1))
+        pixels, after, border = (np.zeros((len(which), *shape)) for shape in ((8,), (4,), ()))
+        self._port = WeightedCorners(which, pixels, after, border, roots, AT_REST)
         self._gate_probability = gate_probability
         self._inflation = start_inflation
         noise = CornerNoise(corner_sigma_px or DEFAULT_CORNER_NOISE.corner_sigma_px, tilt_sigma)
@@ -92,14 +98,17 @@ class CornerUpdate:
             measurement: The measurement.
             rates: How the unit moves about an exposure.
         """
+        by = self._by(measurement, rates)
         if self._clock is not None and in_doubt(prior, self._clock, rates):
-            return by_parts(prior, self._clock, lambda part: self._by(part, measurement, rates))
-        return self._by(prior, measurement, rates)
+            return by_parts(prior, self._clock, by)
+        return by(prior)
 
-    def _by(self, prior: FilterState, measurement: Measurement, rates: Rates) -> FilterState | None:
+    def _by(self, measurement: Measurement, rates: Rates) -> Callable[[FilterState], FilterState | None]:
+        """Return what corrects a state by a measurement and is None where that lies outside the gate."""
         if isinstance(measurement, PoseMeasurement):
-            return self._by_pose(prior, measurement, rates)
-        return self.by_corners(prior, self._of_target(measurement), rates)
+            return partial(self._by_pose, measurement=measurement, rates=rates)
+        measured = measured_corners(self._target, self._of_target(measurement))
+        return partial(self._by_corners, measured=self._smeared(measured, rates), rates=rates)
 
     def _of_target(self, detections: Detections) -> list[TagDetection]:
         return [t for t in detections.tags if t.tag_id in self._target.corners_D]
@@ -145,23 +154,21 @@ class CornerUpdate:
             prior, mean=mean, covariance=covariance, last_seen_ns=prior.stamp_ns, rejected=0, cost=cost
         )
 
-    def by_corners(
-        self, prior: FilterState, tags: Sequence[TagDetection], rates: Rates
-    ) -> FilterState | None:
+    def _by_corners(self, prior: FilterState, measured: MeasuredCorners, rates: Rates) -> FilterState | None:
         """Return the state corrected by the corners of those tags that pass the gate; None if none does.
 
         It is None as well where no state explains the corners from such a prior.
 
         Args:
             prior: State at the exposure.
-            tags: Tags of the target.
+            measured: Tags of the target.
             rates: How the unit moves about the exposure.
         """
         target, layout, scale = self._target, self._layout, prior.noise_scale
         mean, covariance, chi2, cost, seen, fell = update(
             target.optics,
             layout.tags,
-            self._smeared(measured_corners(target, tags), rates),
+            measured,
             rates,
             self._sheet,
             scale,
@@ -183,7 +190,8 @@ class CornerUpdate:
             cost = fit.cost - _log_determinant(information) - _log_determinant(covariance)
         mean[YAW] = math.remainder(mean[YAW], 2.0 * math.pi)
         # Near a port each exposure shows a tag or two, and a wrong pose may agree with one of them alone.
-        rejected = 0 if len(seen.which) == len(tags) else prior.rejected
+        left_out = len(measured.which) - len(seen.which)
+        rejected = prior.rejected if left_out else 0
         found = scale * chi2 / seen.corners.size
         scale = (1.0 - _NOISE_SHARE) * scale + _NOISE_SHARE * found
         return replace(
@@ -193,7 +201,7 @@ class CornerUpdate:
             last_seen_ns=prior.stamp_ns,
             rejected=rejected,
             noise_scale=min(max(scale, 1.0), _LARGEST_SCALE),
-            cost=prior.cost + cost + self._gate(8) * (len(tags) - len(seen.which)),
+            cost=prior.cost + cost + self._gate(8) * left_out,
         )
 
     def _smeared(self, measured: MeasuredCorners, rates: Rates) -> MeasuredCorners:
@@ -235,21 +243,16 @@ class CornerUpdate:
         assumes and not by that of this filter, but without errors of the edges in an image. The tilt is not
         measured with it.
         """
-        first, noise = self._layout.first, DEFAULT_CORNER_NOISE
+        first = self._layout.first
         if self._layout.roof is not None:
             return _by_roof(float(state[YAW]))
         if self._shown == first:
             return np.zeros((POSE_SIZE, 0))
-        which = np.array([self._layout.index[i] for i in self._target.port_tags], dtype=np.int64)
-        roots = np.tile(noise.corner_sigma_px * np.eye(8), (len(which), 1, 1))
-        none = np.zeros(len(which))
-        seen = WeightedCorners(
-            which, np.zeros((len(which), 8)), np.zeros((len(which), 4)), none, roots, rates
-        )
-        _, J = derivatives(self._target.optics, self._layout.tags, seen, state)
+        port = self._port._replace(rates=rates)
+        _, J = derivatives(self._target.optics, self._layout.tags, port, state)
         information = J[:, :5].T @ J[:, :5]
         # The tilt is hardly determined by corners; its prior bounds what errors can make of it.
-        information[range(3, 5), range(3, 5)] += noise.tilt_sigma**-2
+        information[range(3, 5), range(3, 5)] += DEFAULT_CORNER_NOISE.tilt_sigma**-2
         by_errors = -np.linalg.solve(information, J[:, :5].T @ J[:, first : self._shown])
         by_errors[:, self._no_pixels] = 0.0
         by_errors[3:] = 0.0

@@ -36,7 +36,8 @@ class MeasurementHistory:
     """The measurements that still count, each with the state after it.
 
     A measurement that arrives late is inserted at its time, and those after it are processed again, so that
-    the result is that of ordered measurements, bit for bit.
+    the result is that of ordered measurements, bit for bit. Nothing is processed again before a state is
+    asked for: wheels are read more often.
     """
 
     def __init__(self, process: Process, horizon_ns: int) -> None:
@@ -48,6 +49,7 @@ class MeasurementHistory:
         """
         self._process, self._horizon_ns = process, horizon_ns
         self._entries: list[_Entry] = []
+        self._valid = 0  # number of entries that no reading of the wheels has come for since
 
     @property
     def newest_ns(self) -> int | None:
@@ -57,7 +59,8 @@ class MeasurementHistory:
     @property
     def newest(self) -> FilterState | None:
         """State after the newest measurement; None before the filter has started."""
-        return self._entries[-1].after if self._entries else None
+        entries = self._processed()
+        return entries[-1].after if entries else None
 
     @property
     def needed_from_ns(self) -> int:
@@ -71,7 +74,7 @@ class MeasurementHistory:
 
     def state_before(self, stamp_ns: int) -> FilterState | None:
         """Return the state after the last measurement up to an instant; None where there is none."""
-        for entry in reversed(self._entries):
+        for entry in reversed(self._processed()):
             if entry.key[0] <= stamp_ns:
                 return entry.after
         return None
@@ -84,12 +87,16 @@ class MeasurementHistory:
             return False
         if i == 0 and self._entries and key[0] < self._oldest_ns:
             return False
-        self._process_from(i, [measurement, *(e.measurement for e in self._entries[i:])])
-        del self._entries[: self._forgotten()]
+        later = [measurement, *(e.measurement for e in self._entries[i:])]
+        valid = min(self._valid, i)
+        self._process_from(valid, [*(e.measurement for e in self._entries[valid:i]), *later])
+        forgotten = self._forgotten()
+        del self._entries[:forgotten]
+        self._valid -= forgotten
         return True
 
-    def process_again(self, after_ns: int | None, about_ns: int) -> bool:
-        """Process measurements again that rest on what the wheels did after an instant, and all newer ones.
+    def invalidate(self, after_ns: int | None, about_ns: int) -> bool:
+        """Have what rests on the wheels after an instant, and all newer measurements, processed again.
 
         The first one whose predecessors are forgotten stays as it is.
 
@@ -98,7 +105,7 @@ class MeasurementHistory:
             about_ns: Largest time after a measurement on which it may rest [ns].
 
         Returns:
-            Whether there was one.
+            Whether there is such a measurement.
         """
         first = 0
         if after_ns is not None:
@@ -111,9 +118,14 @@ class MeasurementHistory:
                 first += 1
         if self._entries[0].key[0] < self._oldest_ns:
             first = max(first, 1)
-        again = [e.measurement for e in self._entries[first:]]
-        self._process_from(first, again)
-        return bool(again)
+        self._valid = min(self._valid, first)
+        return first < len(self._entries)
+
+    def _processed(self) -> list[_Entry]:
+        """Return all entries, after those that are not valid have been processed again."""
+        if self._valid < len(self._entries):
+            self._process_from(self._valid, [e.measurement for e in self._entries[self._valid :]])
+        return self._entries
 
     def _forgotten(self) -> int:
         """Return the number of measurements that no other one is processed from any more."""
@@ -122,8 +134,11 @@ class MeasurementHistory:
     def _process_from(self, i: int, measurements: Iterable[Measurement]) -> None:
         """Process measurements behind the first ``i`` entries, in place of the entries that were there."""
         del self._entries[i:]
+        state = self._entries[-1].after if self._entries else None
         for m in measurements:
-            self._entries.append(_Entry(_key(m), m, self._process(self.newest, m)))
+            state = self._process(state, m)
+            self._entries.append(_Entry(_key(m), m, state))
+        self._valid = len(self._entries)
 
 
 def _key(measurement: Measurement) -> tuple[int, int, str]:

@@ -18,11 +18,12 @@ from msrr_perception.kernels.section_errors import CornerVariances, border_px, s
 from msrr_perception.motion.filter_state import FilterState
 from msrr_perception.pose.joint_pose import CornerNoise
 from msrr_perception.pose.target import TargetModel
-from msrr_scenes.messages import TagDetection
+from msrr_scenes.messages import Detections, Exposure, TagDetection
 from msrr_scenes.specs.scene import Scene
 
 See = Callable[..., Any]
 GATE = 0.9999
+EXPOSURE = Exposure("a/onboard", 0, 0)
 
 
 def _variances(target: TargetModel, tags: list[TagDetection], rates: Rates, scale: float) -> CornerVariances:
@@ -122,7 +123,8 @@ def test_the_update_is_that_of_plain_numpy(scene: Scene, see: See, grade: str, r
             tags = [replace(t, corner_sigma_px=rng.uniform(0.02, 0.4, 4)) for t in tags]
         if case % 3 == 0:
             tags[0] = replace(tags[0], corners=tags[0].corners + 60.0)
-        expected, found = _by_numpy(target, prior, tags, rates), update.by_corners(prior, tags, rates)
+        expected = _by_numpy(target, prior, tags, rates)
+        found = update.correct(prior, Detections(EXPOSURE, tuple(tags), ()), rates)
         assert (found is None) == (expected is None)
         gated += expected is None or case % 3 == 0
         if found is None or expected is None or not expected[1]:
@@ -153,6 +155,6 @@ def test_where_a_step_does_not_descend_the_fit_is_damped(scene: Scene, see: See)
     plain = _by_numpy(target, prior, tags, AT_REST)
     assert plain is not None
     assert not plain[1]
-    found = update.by_corners(prior, tags, AT_REST)
+    found = update.correct(prior, Detections(EXPOSURE, tuple(tags), ()), AT_REST)
     assert found is not None
     np.testing.assert_allclose(found.mean[:3], X[:3], atol=1e-4)
