@@ -269,9 +269,8 @@ class Dispatcher:
         open_poses = [
             X for task in tasks.open for X in self.ends.lanes_of(task, tasks, assigned.get(task.name))
         ]
-        seen = [
-            u for u in self._units.values() if u.X_WU is not None
-        ]  # itself as well: it is to go elsewhere
+        # The unit is among them: it is to go elsewhere.
+        seen = [u for u in self._units.values() if u.X_WU is not None]
         places = waiting_places(
             self._setup.lanes, self._setup.finder.box, open_poses, seen, self.ends.obstacles
         )
