@@ -244,4 +244,6 @@ def test_pins_that_jam_in_an_assembly_are_in_its_holes_at_the_next_attempt(
     jam, seat = result.steps[0].attempts
     assert jam.contact is not None
     assert seat.contact is not None
-    assert jam.contact.lateral_m > 0.003 > 2.0 * seat.contact.lateral_m
+    assert jam.contact.lateral_m > 0.003
+    # Pins that are off by no more than this enter the holes of an assembly (test_capture_range).
+    assert seat.contact.lateral_m < 0.002
