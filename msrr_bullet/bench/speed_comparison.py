@@ -13,7 +13,7 @@ from rich.table import Table
 from msrr_bullet.bench.trial_speed import BenchError, TrialSpeed, measure_trial_speed
 from msrr_bullet.figures.plots.style import new_figure, save, styled
 from msrr_bullet.sensors.preparation import prepare_cameras
-from msrr_bullet.sweep.worker_pool import SpawnedPool
+from msrr_bullet.sweep.spawned_pool import SpawnedPool
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene

@@ -46,7 +46,7 @@ def tune(
     use_one_thread_per_process()
     from msrr_bullet.studies.tuned_controller import tuned_name, tuned_scene
     from msrr_bullet.studies.tuning import tune as run_tuning
-    from msrr_bullet.sweep.worker_pool import SpawnedPool
+    from msrr_bullet.sweep.spawned_pool import SpawnedPool
 
     path = out if out is not None else Path(f"{tuned_name(part, controller)}.yaml")
     check_writable(path, "--out")

@@ -22,8 +22,8 @@ from msrr_bullet.studies.model import Reproduction
 from msrr_bullet.studies.search_space import Part
 from msrr_bullet.studies.settings import STANDARD
 from msrr_bullet.studies.tuned_controller import tuned_choice
+from msrr_bullet.sweep.spawned_pool import SpawnedPool
 from msrr_bullet.sweep.trial_store import study_store
-from msrr_bullet.sweep.worker_pool import SpawnedPool
 from msrr_scenes.specs.spec import Choice
 from msrr_scenes.whole_files import write_whole
 

@@ -18,7 +18,7 @@ from msrr_bullet.bench.trial_speed import (
 from msrr_bullet.bench.unit_cost import measure_unit_cost, pair_of
 from msrr_bullet.log import CameraWindow, MemoryRecorder
 from msrr_bullet.profiler import StageProfiler
-from msrr_bullet.sweep.worker_pool import SpawnedPool
+from msrr_bullet.sweep.spawned_pool import SpawnedPool
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.plan import DockStep

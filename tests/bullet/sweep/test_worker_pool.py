@@ -173,7 +173,7 @@ def test_ctrl_c_ends_a_pool_at_once_and_without_a_word(tmp_path: Path, busy: boo
     program = tmp_path / "program.py"
     program.write_text(
         "import time\n"
-        "from msrr_bullet.sweep.worker_pool import SpawnedPool\n"
+        "from msrr_bullet.sweep.spawned_pool import SpawnedPool\n"
         "if __name__ == '__main__':\n"
         "    with SpawnedPool(2) as pool:\n"
         f"        {'list(pool.map(abs, range(2)))' if busy else ''}\n"
