@@ -97,14 +97,18 @@ class WorkerPool:
         for future in list(self._running):
             if future.cancel():
                 del self._running[future]
+        begun = list(self._running)
+        if self._pool is not None:  # it starts trials in order, and cannot cancel the next one
+            begun = begun[: self._slots()]
         try:
-            if self._running:
+            if begun:
                 _log.warning(
                     "interrupted; waits for %s to end, which another Ctrl-C drops",
-                    counted(len(self._running), "trial"),
+                    counted(len(begun), "trial"),
                 )
-            while self._running:
+            while any(future in self._running for future in begun):
                 self._collect()
+            self.kill()
         except KeyboardInterrupt:
             self.kill()
         except BaseException:

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import deque
 from pathlib import Path
@@ -54,6 +55,32 @@ def test_a_worker_that_dies_takes_no_other_trial_with_it(
     assert f'"{tmp_path / "deadly_trial.py"}", line 5 in trial' in capfd.readouterr().err
     assert summary.outcomes == {"timeout": 3}
     assert [there[seed] for seed in (0, 2, 3)] == [one_trial(scene, seed) for seed in (0, 2, 3)]
+
+
+def test_after_ctrl_c_no_trial_begins(
+    short_trial: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A process has its next trial already, which can no longer be cancelled."""
+    (tmp_path / "slow_trial.py").write_text(
+        "import pathlib, time\n"
+        "from msrr_bullet.sweep.trials import one_trial\n"
+        "def trial(scene, seed):\n"
+        "    (pathlib.Path(__file__).parent / f'began_{seed}').touch()\n"
+        "    time.sleep(0.3)\n"
+        "    return one_trial(scene, seed)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    from slow_trial import trial
+
+    def press() -> None:
+        while not (tmp_path / "began_0").exists():
+            time.sleep(0.01)
+        signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+
+    threading.Thread(target=press, daemon=True).start()
+    summary = run_sweep(load_scene("close_range", short_trial), range(3), jobs=1, trial=trial)
+    assert summary.interrupted
+    assert summary.trials == len(list(tmp_path.glob("began_*"))) == 1
 
 
 @pytest.mark.nightly
