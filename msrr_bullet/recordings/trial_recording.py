@@ -50,11 +50,16 @@ def open_trial(path: Path, topic: str | None, odometry: bool = True) -> Recordin
     exposures = _before_damage(log.messages(Exposure, "/camera/*"))
     cameras = {m.camera for _, m in exposures if m.camera != OVERHEAD}
     known = sorted(topics.exposure(camera) for camera in cameras)
+    if not known:
+        raise RecordingError(
+            f"{log.path}: no frames of an onboard camera; run a trial in which a unit uses its camera, with "
+            "perception: images and --set cameras.onboard.readout=frames"
+        )
     if topic is None and len(known) == 1:
         topic = known[0]
     if topic not in known:
         text = f"no frames on {topic}" if topic else "which camera is meant is not said"
-        raise RecordingError(f"{log.path}: {text}; --topic is one of {', '.join(known) or '(none)'}")
+        raise RecordingError(f"{log.path}: {text}; --topic is one of {', '.join(known)}")
     unit = topics.unit_of(topic)
     camera = onboard_camera(unit)
     if log.header.scene.cameras.onboard.readout != "frames":

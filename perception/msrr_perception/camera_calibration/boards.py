@@ -15,6 +15,7 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError, UnknownNameError
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.messages import Pixels
+from msrr_scenes.wording import counted
 
 #: Fewest points of a board in a picture; fewer say nothing beside the pose of the board.
 _FEWEST_POINTS = 6
@@ -190,7 +191,8 @@ class CharucoBoard:
     def hint(self, pixels: Pixels) -> str:
         """Return which markers are seen."""
         found = self._detectors[0].detectBoard(pixels)[3]
-        return f"{len(found)} markers of the dictionary" if found is not None and len(found) else ""
+        count = 0 if found is None else len(found)
+        return f"{counted(count, 'marker')} of the dictionary" if count else ""
 
 
 class TagGrid:

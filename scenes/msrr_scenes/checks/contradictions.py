@@ -17,10 +17,11 @@ from msrr_scenes.checks.starts import start_problems
 from msrr_scenes.errors import GeometryError, SceneError
 from msrr_scenes.specs.scene import Scene
 
-#: Keys of the onboard camera that act on the pixels of rendered images alone.
+#: Keys of a camera that act on rendered images, or on what is found in them, alone.
 _OF_PIXELS = {
     *("noise_grey", "shot_grey", "blur_px", "gain", "gamma", "vignetting"),
     *("light_gradient", "light_gradient_deg", "jpeg_quality"),
+    *("readout", "localisation"),
 }
 
 
@@ -64,13 +65,14 @@ def overrides_without_effect(scene: Scene, overrides: Iterable[str]) -> Iterator
     What a file says is left alone, for it may be run with either kind of perception.
     """
     for key in overrides:
-        section, _, name = key.rpartition(".")
+        first, second, third = (*key.split("."), "", "")[:3]
+        of_pixels = (first == "cameras" and third in _OF_PIXELS) or (first, second) == ("control", "detector")
         if scene.perception == "images" and key.startswith("parametric."):
             text = (
                 "changes nothing with perception: images; set perception=parametric as well, or leave it out"
             )
             yield Problem(tuple(key.split(".")), text)
-        elif scene.perception == "parametric" and section == "cameras.onboard" and name in _OF_PIXELS:
+        elif scene.perception == "parametric" and of_pixels:
             text = (
                 "changes nothing with perception: parametric, which has no pixels; set parametric.sigma_xy_m "
                 "and the like, or perception=images"

@@ -59,12 +59,14 @@ def test_the_log_of_a_trial_gives_the_estimates_of_the_trial(trial: Trial) -> No
 
 
 def test_the_log_of_a_trial_whose_camera_delivered_windows_is_refused(
-    trial: Trial, tmp_path: Path, shipped: Callable[..., Scene]
+    trial: Trial, tmp_path: Path, shipped: Callable[..., Scene], blind_run: Path
 ) -> None:
     """Its first picture is a whole frame all the same: the robot looks for the marker in it."""
     run_trial_quietly(shipped("close_range", {"time_limit_s": "0.3"}), tmp_path)
     with pytest.raises(RecordingError, match="readout=frames"):
         perceive(tmp_path, trial.target)
+    with pytest.raises(RecordingError, match=r"no frames of an onboard camera.* perception: images and"):
+        perceive(blind_run, trial.target)
 
 
 @pytest.mark.filterwarnings("error")

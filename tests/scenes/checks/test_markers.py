@@ -125,9 +125,21 @@ def test_what_does_not_fit_is_said(
     assert "own.yaml:2:" in str(refused.value)
 
 
-def test_a_file_that_is_no_map_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "map.yaml").write_text("family: tag36h11\n")
-    with pytest.raises(SceneError, match=r"markers\.rear: .*map\.yaml.* expected a map of tags"):
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("family: tag36h11", r"1:1: tag_size_m: required, and missing; expected a map of tags"),
+        ("tag_size_m: 5 cm", r"1:1: tag_size_m: expected a number, found '5 cm'; expected a map"),
+        ("references: 11", r"1:1: references: unknown key; did you mean 'reference'\?.* expected a map"),
+        (
+            "{family: tag36h11, tag_size_m: 0.05, tags: {}, reference: 11}",
+            r"1:48: reference: the map has no tag 11, in whose frame it is",
+        ),
+    ],
+)
+def test_a_file_that_is_no_map_is_refused(tmp_path: Path, content: str, message: str) -> None:
+    (tmp_path / "map.yaml").write_text(f"{content}\n")
+    with pytest.raises(SceneError, match=rf"markers\.rear: .*map\.yaml:{message}"):
         load_scene(scene_file(tmp_path))
 
 

@@ -341,8 +341,10 @@ def test_an_override_that_changes_nothing_is_refused(tmp_path: Path) -> None:
     """A sweep over the noise of the images found that noise does not matter to perception without images."""
     blind = {"plant": "unicycle", "perception": "parametric"}
     noise, sigma = {"cameras.onboard.noise_grey": "8"}, {"parametric.sigma_xy_m": "0.02"}
-    with pytest.raises(SceneError, match="noise_grey: changes nothing with perception: parametric"):
-        load_scene("close_range", {**blind, **noise})
+    of_pixels = {"cameras.overhead.localisation.bias_x_m": "0.1", "control.detector": "aruco"}
+    for key, value in (noise | of_pixels).items():
+        with pytest.raises(SceneError, match=f"{key}: changes nothing with perception: parametric"):
+            load_scene("two_units", {**blind, key: value})
     with pytest.raises(SceneError, match="sigma_xy_m: changes nothing with perception: images"):
         load_scene("close_range", sigma)
     load_scene("close_range", noise)
