@@ -136,7 +136,7 @@ class Dispatcher:
     def _request(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None) -> RouteRequest:
         """Return what a route has to be for a unit that is to end at a pose, or to leave its port."""
         units = self._units.values()
-        others = [u for u in units if u.name != unit.name and u.X_WU is not None and not _on(u, unit)]
+        others = [u for u in units if u.name != unit.name and u.X_WU is not None]
         return RouteRequest(
             unit.pose,
             X_WE,
@@ -285,8 +285,3 @@ class Dispatcher:
                 unit.reason = "makes way"
                 return True
         return False
-
-
-def _on(other: UnitRecord, unit: UnitRecord) -> bool:
-    """Return whether another unit is still in a port of this one, and leaves before it."""
-    return other.holder is not None and other.holder[0] == unit.name and other.under_way
