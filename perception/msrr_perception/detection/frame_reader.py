@@ -42,7 +42,11 @@ class FrameReader:
         self._read: list[tuple[Pixels, Window]] = []
 
     def read(self, windows: Iterable[Window], detector: Detector) -> None:
-        """Fetch windows and read their tags."""
+        """Fetch windows and read their tags.
+
+        Raises:
+            ValueError: What is fetched is not mono8 pixels of the size of the window.
+        """
         for window in windows:
             self._read.append((self._pixels(window), window))
             self._detect(*self._read[-1], detector)
@@ -64,6 +68,12 @@ class FrameReader:
     def _pixels(self, window: Window) -> Pixels:
         self.windows.append(window)
         pixels = self._fetch(window)
+        shape, kind = np.shape(pixels), getattr(pixels, "dtype", None)
+        if shape != (window.height, window.width) or kind != np.uint8:
+            raise ValueError(
+                f"the camera gave an array of shape {shape} and type {kind} for {window}; mono8 pixels of "
+                f"shape {(window.height, window.width)} and type uint8 are needed"
+            )
         if self._to_light is not None:
             pixels = np.asarray(cv2.LUT(pixels, self._to_light), dtype=np.uint8)
         return read_only(pixels)  # whoever took the picture may have the next one in the same place

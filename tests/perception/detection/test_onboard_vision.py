@@ -53,6 +53,13 @@ def test_knowing_nothing_it_looks_at_the_full_frame(
     assert vague.windows == (target.camera.frame,)
 
 
+@pytest.mark.parametrize("give", [lambda window: None, lambda window: np.zeros((4, 4), dtype=np.uint8)])
+def test_what_is_no_window_of_grey_levels_is_refused(vision: OnboardVision, give: Fetch) -> None:
+    """The driver of a real camera may have nothing to give, a part of it, or colours."""
+    with pytest.raises(ValueError, match=r"shape \(480, 640\) and type uint8 are needed"):
+        vision.detect(_exposure(1), None, give)
+
+
 def test_a_good_prediction_costs_a_window_and_gives_full_frame_corners(
     target: TargetModel, vision: OnboardVision, fetch: Fetch
 ) -> None:
