@@ -38,6 +38,7 @@ from msrr_bullet.cli.exit_codes import (
     BAD_INPUT,
     ExitCodeGroup,
     Terminated,
+    flush_output,
     os_error_text,
     report_error,
     report_signal,
@@ -85,7 +86,7 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _terminate)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # and not of nohup, which wants it ignored
         signal.signal(signal.SIGHUP, _terminate)
-    code = run(sys.argv[1:])
+    code = flush_output(run(sys.argv[1:]))
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, signal.SIG_DFL)  # from here on there is nothing to save, and no traceback

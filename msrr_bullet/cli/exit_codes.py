@@ -74,9 +74,7 @@ class ExitCodeGroup(TyperGroup):
             raise SystemExit(report_signal(signal.SIGINT)) from None
         except Terminated as end:
             raise SystemExit(report_signal(end.number)) from None
-        except BrokenPipeError:
-            # The reader of the output has gone away; Python would report that once more at exit.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        except BrokenPipeError:  # the reader of the output has gone away
             raise SystemExit(NOT_DOCKED) from None
         except OSError as error:
             raise SystemExit(report_error(os_error_text(error), BAD_INPUT)) from None
@@ -93,6 +91,21 @@ class ExitCodeGroup(TyperGroup):
             traceback.print_exc()
             text = "this is an error of the program; please report it with the lines above"
             raise SystemExit(report_error(text, PROGRAM_ERROR)) from None
+
+
+def flush_output(code: int) -> int:
+    """Write what is left of the standard output, and return the exit code: ``code``, unless that fails first.
+
+    What could not be written is dropped then, for Python would try again at exit, and report that once more.
+    """
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if code == 0:
+            gone = isinstance(error, BrokenPipeError)
+            return NOT_DOCKED if gone else report_error(os_error_text(error), BAD_INPUT)
+    return code
 
 
 def report_signal(number: int) -> int:

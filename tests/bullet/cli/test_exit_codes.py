@@ -181,14 +181,19 @@ def test_a_full_folder_of_machine_code_is_named_with_what_helps(
     assert said.endswith("name another folder in the environment variable NUMBA_CACHE_DIR")
 
 
+@pytest.mark.parametrize("unbuffered", ["", "1"])
 @pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["schema"]])
-def test_what_there_is_no_room_for_on_standard_output_is_one_message(arguments: list[str]) -> None:
+def test_what_there_is_no_room_for_on_standard_output_is_one_message(
+    arguments: list[str], unbuffered: str
+) -> None:
+    """Python keeps what it could not write, and tries again at exit."""
     with open("/dev/full", "w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "msrr_bullet", *arguments],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
         )
     assert (done.returncode, done.stderr) == (
         2,
@@ -196,15 +201,20 @@ def test_what_there_is_no_room_for_on_standard_output_is_one_message(arguments: 
     )
 
 
-def test_a_reader_that_goes_away_is_no_error() -> None:
-    code = "import sys; from msrr_bullet.cli.app import run; sys.exit(run(['scenes']))"
-    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_goes_away_is_no_error(unbuffered: str) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "msrr_bullet", "scenes"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+    )
     assert process.stdout is not None
     assert process.stderr is not None
     process.stdout.close()
     assert process.stderr.read() == b""
     process.stderr.close()
-    process.wait(timeout=30)
+    assert process.wait(timeout=30) == 1
 
 
 def test_a_link_that_leads_back_to_itself_is_bad_input(tmp_path: Path, capsys: Capture) -> None:
