@@ -98,7 +98,7 @@ class WorkerPool:
             if future.cancel():
                 del self._running[future]
         begun = list(self._running)
-        if self._pool is not None:  # it starts trials in order, and cannot cancel the next one
+        if self._pool is not None:  # it starts trials in order, and does not cancel the next one
             begun = begun[: self._slots()]
         try:
             if begun:

@@ -57,17 +57,19 @@ def test_a_worker_that_dies_takes_no_other_trial_with_it(
     assert [there[seed] for seed in (0, 2, 3)] == [one_trial(scene, seed) for seed in (0, 2, 3)]
 
 
-def test_after_ctrl_c_no_trial_begins(
+def test_after_ctrl_c_only_the_trials_that_are_running_end(
     short_trial: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A process has its next trial already, which can no longer be cancelled."""
+    """A process has its next trial already, which can no longer be cancelled, but need not be waited for."""
     (tmp_path / "slow_trial.py").write_text(
         "import pathlib, time\n"
         "from msrr_bullet.sweep.trials import one_trial\n"
         "def trial(scene, seed):\n"
         "    (pathlib.Path(__file__).parent / f'began_{seed}').touch()\n"
         "    time.sleep(0.3)\n"
-        "    return one_trial(scene, seed)\n"
+        "    result = one_trial(scene, seed)\n"
+        "    (pathlib.Path(__file__).parent / f'ended_{seed}').touch()\n"
+        "    return result\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     from slow_trial import trial
@@ -80,7 +82,7 @@ def test_after_ctrl_c_no_trial_begins(
     threading.Thread(target=press, daemon=True).start()
     summary = run_sweep(load_scene("close_range", short_trial), range(3), jobs=1, trial=trial)
     assert summary.interrupted
-    assert summary.trials == len(list(tmp_path.glob("began_*"))) == 1
+    assert summary.trials == len(list(tmp_path.glob("ended_*"))) == 1
 
 
 @pytest.mark.nightly
