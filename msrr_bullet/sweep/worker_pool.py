@@ -97,16 +97,17 @@ class WorkerPool:
         for future in list(self._running):
             if future.cancel():
                 del self._running[future]
-        begun = list(self._running)
-        if self._pool is not None:  # it starts trials in order, and does not cancel the next one
-            begun = begun[: self._slots()]
+        ahead: list[Future[Any]] = []  # what processes have, which start trials in order, but not begun yet
+        if self._pool is not None:
+            ahead = [future for future in self._running if not future.done()][self._slots() :]
+        begun = self._running.keys() - ahead
         try:
             if begun:
                 _log.warning(
                     "interrupted; waits for %s to end, which another Ctrl-C drops",
                     counted(len(begun), "trial"),
                 )
-            while any(future in self._running for future in begun):
+            while begun & self._running.keys():
                 self._collect()
             self.kill()
         except KeyboardInterrupt:

@@ -57,8 +57,9 @@ def test_a_worker_that_dies_takes_no_other_trial_with_it(
     assert [there[seed] for seed in (0, 2, 3)] == [one_trial(scene, seed) for seed in (0, 2, 3)]
 
 
+@pytest.mark.parametrize(("during", "trials"), [("trial", 1), ("result", 2)])
 def test_after_ctrl_c_only_the_trials_that_are_running_end(
-    short_trial: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    during: str, trials: int, short_trial: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A process has its next trial already, which can no longer be cancelled, but need not be waited for."""
     (tmp_path / "slow_trial.py").write_text(
@@ -79,10 +80,19 @@ def test_after_ctrl_c_only_the_trials_that_are_running_end(
             time.sleep(0.01)
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
-    threading.Thread(target=press, daemon=True).start()
-    summary = run_sweep(load_scene("close_range", short_trial), range(3), jobs=1, trial=trial)
+    pressed: list[int] = []
+
+    def observe(found: TrialResult | TrialFailure, _: bool) -> None:
+        if during == "result" and not pressed:  # the next trial has begun
+            pressed.append(found.seed)
+            raise KeyboardInterrupt
+
+    if during == "trial":
+        threading.Thread(target=press, daemon=True).start()
+    scene = load_scene("close_range", short_trial)
+    summary = run_sweep(scene, range(4), jobs=1, trial=trial, observer=observe)
     assert summary.interrupted
-    assert summary.trials == len(list(tmp_path.glob("ended_*"))) == 1
+    assert summary.trials == len(list(tmp_path.glob("ended_*"))) == trials
 
 
 @pytest.mark.nightly
