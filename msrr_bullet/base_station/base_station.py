@@ -157,8 +157,8 @@ def check_mission(scene: Scene) -> None:
         if not (x0 + room <= x <= x1 - room and y0 + room <= y <= y1 - room):
             raise SceneError(
                 f"plan.{k}.pose: ({x:g}, {y:g}) does not lie {room:g} m inside of what the overhead camera "
-                f"sees of the arena: x from {x0:.2f} to {x1:.2f}, y from {y0:.2f} to {y1:.2f}; name another "
-                "place, or raise cameras.overhead.height_m"
+                f"sees of the arena, less its errors there: x from {x0:.2f} to {x1:.2f}, y from {y0:.2f} to "
+                f"{y1:.2f}; name another place, or raise cameras.overhead.height_m"
             )
     shapes: list[Shape] = []
     for k in range(len(scene.shape or ())):
@@ -174,8 +174,8 @@ def check_mission(scene: Scene) -> None:
             with_root = " with its root where the shapes before it fit" if k else ""
             raise SceneError(
                 f"{key}: the shape and the lanes to it do not fit{with_root} into the {x1 - x0:.2f} m by "
-                f"{y1 - y0:.2f} m of the arena that the overhead camera sees; take fewer units, enlarge the "
-                "arena, or raise cameras.overhead.height_m"
+                f"{y1 - y0:.2f} m of the arena that the overhead camera sees, less its errors there; take "
+                "fewer units, enlarge the arena, or raise cameras.overhead.height_m"
             )
         mission = mission.then or mission
 
@@ -216,12 +216,13 @@ def coordination_setup(scene: Scene) -> CoordinationSetup:
             if getattr(scene.units[name], key) != getattr(scene.units[names[0]], key):
                 text = f"a base station leads units of one kind; see {names[0]!r}"
                 raise SceneError(f"units.{name}.{key}: {text}")
+    model = OverheadModel.from_scene(scene, names)
     setups = [AssemblySetup.without_target(scene, name, ACTIVE_PORT) for name in names]
-    x0, x1, y0, y1 = zip(*(setup.box for setup in setups), strict=True)
+    setups = [replace(setup, place_sigma=model.place_sigma(setup.unit, setup.box)) for setup in setups]
+    x0, x1, y0, y1 = zip(*(setup.box_for(params.route.border_m) for setup in setups), strict=True)
     box = max(x0), min(x1), max(y0), min(y1)  # where every unit is seen: a large top tag is not at the edge
     routes = RouteParams(params.route, params.walls, params.pace)
     retreat_m = scene.docking.retreat_m + 0.05
-    model = OverheadModel.from_scene(scene, names)
     distance_error, tolerance = _distance_error(scene, model), _tolerance(scene, model)
     return CoordinationSetup.of(first, routes, box, retreat_m, setups[0].border, distance_error, tolerance)
 

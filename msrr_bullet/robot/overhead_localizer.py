@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from msrr_control.planning.free_space import Bounds
 from msrr_perception.detection.detector import Detector
 from msrr_perception.detection.overhead_vision import OverheadVision
@@ -85,20 +83,8 @@ class OverheadLocalizer:
         self.newest_ns: int | None = None
 
     def place_sigma(self, box: Bounds) -> tuple[float, float]:
-        """Return how far off the unit may be seen at the border of a box, where that is worst.
-
-        Errors of calibration shift a unit the more the farther it is from below the camera: the corners of
-        the box say how much.
-
-        Args:
-            box: Where the unit may be: x low, x high, y low, y high [m].
-
-        Returns:
-            Standard deviations of its place in W along x and y [m], by the tolerances of camera and tag.
-        """
-        corners = np.array([(x, y) for x in box[:2] for y in box[2:]])
-        along_x, along_y = self._model.place_sigma(self._unit, corners).tolist()
-        return along_x, along_y
+        """Return :meth:`~msrr_perception.pose.overhead_model.OverheadModel.place_sigma` of the unit."""
+        return self._model.place_sigma(self._unit, box)
 
     def aim(self, step: DockStep | None) -> None:
         """Take another target; nothing that has been seen is forgotten.

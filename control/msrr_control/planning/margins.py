@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from msrr_control.path_following.walls import WallSpec
-from msrr_control.planning.free_space import EVERYWHERE, Bounds, Disc, FreeSpace
+from msrr_control.planning.free_space import Bounds, Disc, FreeSpace
 from msrr_control.planning.route import ArenaMap, RouteSpec
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
@@ -31,7 +31,6 @@ class Margins:
         box: Bounds,
         offset: float,
         body_half_width: float,
-        surely_inside: Bounds = EVERYWHERE,
     ) -> None:
         """Take margins and geometry.
 
@@ -41,14 +40,10 @@ class Margins:
             box: Bounds of the arena: x low, x high, y low, y high [m].
             offset: l [m].
             body_half_width: Half the width of the unit's body [m].
-            surely_inside: Bounds within which the unit is in the arena, by what is known of its place: x low,
-                x high, y low, y high [m]. Paths stay inside of them, where they are narrower than the margin
-                from the border.
         """
         x0, x1, y0, y1 = box
-        u0, u1, v0, v1 = surely_inside
         b = spec.border_m
-        self._box = (max(x0 + b, u0), min(x1 - b, u1), max(y0 + b, v0), min(y1 - b, v1))
+        self._box = (x0 + b, x1 - b, y0 + b, y1 - b)
         self._spec, self._walls = spec, walls
         self._offset, self._half_width = offset, body_half_width
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from msrr_control.path_following.path import PaceSpec, Path
 from msrr_control.path_following.walls import Encounter, WallSpec, find_encounter
-from msrr_control.planning.free_space import EVERYWHERE, Bounds, FreeSpace
+from msrr_control.planning.free_space import Bounds, FreeSpace
 from msrr_control.planning.margins import SPACING_M, Margins
 from msrr_control.planning.route import ARENA_BORDER, ArenaMap, Route, RouteSpec
 from msrr_control.planning.tangents import Goal, shortest_path
@@ -60,7 +60,6 @@ class RoutePlanner:
         offset: float,
         body_half_width: float,
         border: str = ARENA_BORDER,
-        surely_inside: Bounds = EVERYWHERE,
     ) -> None:
         """Bind the planner to what does not change.
 
@@ -72,12 +71,11 @@ class RoutePlanner:
             offset: l [m].
             body_half_width: Half the width of the unit's body [m].
             border: What ``box`` is, in words.
-            surely_inside: Bounds within which the unit is in the arena, by what is known of its place [m].
         """
         self._border = border
         self.spec, self.walls, self._pace = spec, walls, pace
         self.offset = offset
-        self.margins = Margins(spec, walls, box, offset, body_half_width, surely_inside)
+        self.margins = Margins(spec, walls, box, offset, body_half_width)
 
     def plan(self, arena: ArenaMap, caution: int = 0) -> Route | None:
         """Return the best route from where the unit stands, None if there is none.

@@ -97,16 +97,20 @@ class AssemblySetup:
         u0, u1, v0, v1 = self.in_view
         return max(x0, u0), min(x1, u1), max(y0, v0), min(y1, v1)
 
-    @property
-    def surely_inside(self) -> Bounds:
-        """Bounds within which a unit that is seen there is in the arena: x low, x high, y low, y high [m].
+    def box_for(self, border_m: float) -> Bounds:
+        """Return bounds by which a unit stays in the arena and in view: x low, x high, y low, y high [m].
 
-        The border of what the overhead camera sees needs no such margin: errors of the camera shift where a
-        unit is seen in the arena, and not where it is in the picture.
+        Errors of the overhead camera shift where a unit is seen in the arena, and not where it is in the
+        picture: only the border of the arena is moved inwards, where the unit's place is known less well than
+        routes have room for.
+
+        Args:
+            border_m: Distance that routes keep from these bounds [m].
         """
-        x, y = (self.sigmas * sigma for sigma in self.place_sigma)
+        x, y = (max(self.sigmas * sigma - border_m, 0.0) for sigma in self.place_sigma)
         (x0, x1), (y0, y1) = self.arena.x_m, self.arena.y_m
-        return x0 + x, x1 - x, y0 + y, y1 - y
+        u0, u1, v0, v1 = self.box
+        return max(u0, x0 + x), min(u1, x1 - x), max(v0, y0 + y), min(v1, y1 - y)
 
     @property
     def border(self) -> str:

@@ -94,11 +94,10 @@ class LongDistanceAssembler(Generic[State]):
             params.route,
             params.walls,
             params.pace,
-            setup.box,
+            setup.box_for(params.route.border_m),
             setup.offset,
             setup.half_width,
             setup.border,
-            setup.surely_inside,
         )
         self._follower = RouteFollower(law, self._planner, params.watch)
         self.progress: AssemblyProgress | None = None

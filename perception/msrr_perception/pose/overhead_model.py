@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from types import MappingProxyType
 
 import numpy as np
@@ -121,23 +122,26 @@ class OverheadModel:
         """Return standard deviations of the place of the tag on the roof: x, y [m], yaw [rad] in U, (3,)."""
         return self.errors.roof(self.tags[self.tag_of[unit]])
 
-    def place_sigma(self, unit: str, places: Array) -> Array:
-        """Return how far off a unit may be seen by the errors of calibration, where that is worst.
+    def place_sigma(self, unit: str, box: tuple[float, float, float, float]) -> tuple[float, float]:
+        """Return how far off a unit may be seen at the border of a box, where that is worst.
+
+        Errors of calibration shift a unit the more the farther it is from below the camera: the corners of
+        the box say how much.
 
         Args:
             unit: Name of the unit.
-            places: Places of the unit, shape (N, 2) [m].
+            box: Where the unit may be: x low, x high, y low, y high [m].
 
         Returns:
-            Largest standard deviations of its place in W, along x and y, shape (2,) [m].
+            Standard deviations of its place in W along x and y [m], by the tolerances of camera and tag.
         """
-        sigmas = np.zeros((len(places), 2))
-        for k, (x, y) in enumerate(places.tolist()):
+        variances = np.zeros(2)
+        for x, y in product(box[:2], box[2:]):
             errors = self.errors.of(self.tags[self.tag_of[unit]], SE2(x, y, 0.0))
             if errors is not None:
-                sigmas[k] = np.sqrt(np.diag(errors.own + errors.shared)[:2])
-        worst: Array = sigmas.max(axis=0)
-        return worst
+                variances = np.maximum(variances, np.diag(errors.own + errors.shared)[:2])
+        along_x, along_y = np.sqrt(variances).tolist()
+        return along_x, along_y
 
     @cached_property
     def tag_of(self) -> Mapping[str, int]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.base_station.base_station import BaseStation, check_mission, coordination_setup, mission_of
+from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes import load_scene
 from msrr_scenes.errors import SceneError
 from msrr_scenes.messages.coordination import MissionState, UnitState
@@ -68,6 +69,24 @@ def test_the_largest_top_tag_is_seen_wherever_units_are_sent() -> None:
     larger = {**low, "units.b.tag_sizes_m": "{tag_top: 0.1}"}
     small, large = (coordination_setup(load_scene("two_units_free", o)).finder.box for o in (low, larger))
     assert large[1] < small[1] - 0.01
+
+
+def test_routes_keep_inside_of_the_arena_by_what_a_unit_may_be_off_there() -> None:
+    """In an arena that is seen as a whole; at the border of what is seen, a unit is in the picture or not."""
+    arena = (-2.25, 2.25, -1.75, 1.75)
+    for grade in ("perfect", "careful", "workshop", "rough"):
+        scene = load_scene("assemble_cross", {"as_built": grade})
+        setup = coordination_setup(scene)
+        sigma_x, sigma_y = OverheadModel.from_scene(scene, scene.units).place_sigma("a", arena)
+        for edge, bound, sigma in zip(arena, setup.finder.box, 2 * [sigma_x] + 2 * [sigma_y], strict=True):
+            room = abs(edge - bound) + setup.lanes.spec.border_m
+            assert room == pytest.approx(max(2.0 * sigma, setup.lanes.spec.border_m)), grade
+    seen = {
+        g: coordination_setup(load_scene("sixteen", {"as_built": g})).finder.box
+        for g in ("careful", "workshop")
+    }
+    assert seen["workshop"][:2] != seen["careful"][:2]
+    assert seen["workshop"][2:] == seen["careful"][2:]
 
 
 def test_assembled_units_are_docked_before_anything_is_heard() -> None:
