@@ -345,8 +345,15 @@ def test_an_override_that_changes_nothing_is_refused(tmp_path: Path) -> None:
     for key, value in (noise | of_pixels).items():
         with pytest.raises(SceneError, match=f"{key}: changes nothing with perception: parametric"):
             load_scene("two_units", {**blind, key: value})
-    with pytest.raises(SceneError, match="sigma_xy_m: changes nothing with perception: images"):
-        load_scene("close_range", sigma)
+    for overrides, why in (
+        (sigma, "with perception: images"),
+        ({"motors.torque_nm": "0.2", **blind}, "with plant: unicycle"),
+        ({"control.guard": "{sigmas: 3}"}, "without an overhead camera"),
+        ({"docking.learn_seats": "false"}, "without a base station"),
+        ({"cameras.onboard.samples": "4"}, "with the renderer raster"),
+    ):
+        with pytest.raises(SceneError, match=f": {next(iter(overrides))}: changes nothing {why}"):
+            load_scene("close_range", overrides)
     load_scene("close_range", noise)
     load_scene("close_range", {**blind, **sigma, "cameras.onboard.dropout": "0.1"})
     file = tmp_path / "both.yaml"  # what a file says may be for either perception
