@@ -86,6 +86,8 @@ def _without_effect(scene: Scene) -> Iterator[tuple[list[str], str]]:
         yield [f"control.{key}" for key in keys], "without an overhead camera; set cameras.overhead={}"
     if not scene.coordinated:
         yield ["one_by_one", "docking.learn_seats"], "without a base station; set radio={}"
+    text = "but the time that a trial takes, for robots read windows of it; set cameras.onboard.readout"
+    yield ["cameras.overhead.readout"], text
     for name, camera in scene.cameras:
         if camera is None:
             continue

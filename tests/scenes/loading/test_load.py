@@ -351,6 +351,7 @@ def test_an_override_that_changes_nothing_is_refused(tmp_path: Path) -> None:
         ({"control.guard": "{sigmas: 3}"}, "without an overhead camera"),
         ({"docking.learn_seats": "false"}, "without a base station"),
         ({"cameras.onboard.samples": "4"}, "with the renderer raster"),
+        ({"cameras.overhead.readout": "frames"}, "but the time that a trial takes"),
     ):
         with pytest.raises(SceneError, match=f": {next(iter(overrides))}: changes nothing {why}"):
             load_scene("close_range", overrides)
