@@ -9,7 +9,7 @@ from msrr_scenes.checks.cameras import camera_problems
 from msrr_scenes.checks.markers import marker_problems, unit_problem
 from msrr_scenes.checks.mechanism import mechanism_problems
 from msrr_scenes.checks.moves import taken_ends
-from msrr_scenes.checks.plan import fault_problems, mission_problems, plan_problems
+from msrr_scenes.checks.plan import fault_problems, idle_faults, mission_problems, plan_problems
 from msrr_scenes.checks.problems import Problem
 from msrr_scenes.checks.references import port_problems, reference_problems, value_problems
 from msrr_scenes.checks.robot import robot_problems
@@ -55,7 +55,7 @@ def contradictions(scene: Scene) -> list[Problem]:
             problems.append(unit_problem(unit, error))
     problems = problems or [*port_problems(scene), *plan_problems(scene)]
     problems = problems or [problem for unit in scene.units for problem in robot_problems(scene, unit)]
-    problems = problems or [*mechanism_problems(scene)]
+    problems = problems or [*mechanism_problems(scene), *idle_faults(scene)]
     return problems or [*start_problems(scene), *taken_ends(scene)]
 
 
