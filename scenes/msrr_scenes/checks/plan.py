@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from graphlib import CycleError, TopologicalSorter
 
@@ -237,6 +238,9 @@ def idle_faults(scene: Scene) -> Iterator[Problem]:
             key, named = "camera", fault.camera
         elif isinstance(fault, PortPlugged):
             key, named, acting = "port", f"{fault.unit}.{fault.port}", [step.to for step in scene.docks]
+            if named in acting and min(fault.attempts, default=math.inf) > scene.docking.attempts:
+                text = f"none of these is among docking.attempts = {scene.docking.attempts}; name one that is"
+                yield Problem(("faults", i, "attempts"), text)
         elif isinstance(fault, (MarkerHidden, SeatSwitchStuck)):
             key, named, acting = "unit", fault.unit, [*docked_to]
             if isinstance(fault, MarkerHidden) and scene.cameras.overhead is not None:

@@ -55,6 +55,11 @@ def faults(*given: str) -> str:
             "faults.1",
             "keep one of them",
         ),
+        (
+            {"faults": faults("kind: port_plugged, unit: b, port: rear, attempts: [4, 5]")},
+            "faults.0.attempts",
+            "none of these is among docking.attempts = 3",
+        ),
         *(
             (
                 {"faults": faults(f"kind: {kind}, {where}")},

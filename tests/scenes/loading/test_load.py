@@ -159,6 +159,11 @@ def test_the_issues_start_sets_and_limits() -> None:
             "radius_m: -1",
             ["scene.yaml:17:5: obstacles.post.radius_m", "greater than or equal to 0.005", "found -1"],
         ),
+        (
+            "    radius_m:",
+            "    tag_m: 0.2\n    radius_m:",
+            ["obstacles.post", ": tag_m changes nothing without"],
+        ),
         ("radius_m: 0.05", "radius_m: .nan", ["scene.yaml:17:5: obstacles.post.radius_m", "finite", "nan"]),
         ("radius_m: 0.05", "radius_m: .inf", ["scene.yaml:17:5: obstacles.post.radius_m", "finite", "inf"]),
         ("number: 1", "number: yes", ["scene.yaml:5:5: units.b.number", "the flag true; yes, no, "]),
