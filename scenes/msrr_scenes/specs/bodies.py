@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -187,12 +187,6 @@ class _Obstacle(Spec):
     """Edge of the black square of the tag on the lid [m]."""
     appears_at_s: Time = 0.0
     """Time at which the obstacle appears [s]."""
-
-    @model_validator(mode="after")
-    def _has_the_tag_of_a_size(self) -> Self:
-        if self.tag_id is None and self.tag_m != _Obstacle.model_fields["tag_m"].default:
-            raise ValueError("tag_m changes nothing without a tag; give its tag_id, or leave tag_m out")
-        return self
 
     def _solid(self, kind: str, *size: float) -> Solid:
         return Solid("", kind, SE3(p=np.array([0.0, 0.0, 0.5 * self.height_m])), size)

@@ -162,7 +162,7 @@ def test_the_issues_start_sets_and_limits() -> None:
         (
             "    radius_m:",
             "    tag_m: 0.2\n    radius_m:",
-            ["obstacles.post", ": tag_m changes nothing without"],
+            ["obstacles.post.tag_m: changes nothing without"],
         ),
         ("radius_m: 0.05", "radius_m: .nan", ["scene.yaml:17:5: obstacles.post.radius_m", "finite", "nan"]),
         ("radius_m: 0.05", "radius_m: .inf", ["scene.yaml:17:5: obstacles.post.radius_m", "finite", "inf"]),
