@@ -1,4 +1,4 @@
-"""What tests of several packages share: shipped scenes with one renderer, programs, a user's photographs."""
+"""What tests of several packages share: shipped scenes, programs, a user's photographs."""
 
 from __future__ import annotations
 
@@ -22,9 +22,6 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.scene import Scene
-
-#: How trials of the tests are rendered, unless a test is about rendering.
-RENDERING: Mapping[str, str] = {"cameras.onboard.renderer": "raster"}
 
 #: Robots of the tests are as designed, unless a test is about how they were built: what a test sees has no
 #: other cause than what it changes, and rendered trials take less time.
@@ -58,7 +55,7 @@ def shipped() -> ShippedScene:
     """
 
     def load(name: str, overrides: Mapping[str, str] | None = None, *, blind: bool = False) -> Scene:
-        return load_scene(name, {**RENDERING, **CALIBRATION, **(BLIND if blind else {}), **(overrides or {})})
+        return load_scene(name, {**CALIBRATION, **(BLIND if blind else {}), **(overrides or {})})
 
     return load
 

@@ -172,12 +172,16 @@ def parse_seeds(text: str, option: str = "--seeds") -> Sequence[int]:
     """Parse ``A:B`` into the seeds A .. B - 1, and a comma-separated list into the seeds that it names.
 
     Raises:
-        SceneError: The text is neither. One number is refused: it could be a seed or a number of seeds.
+        SceneError: The text is neither, or names a seed twice. One number is refused: it could be a seed or a
+            number of seeds.
     """
     if "," not in text:
         return parse_seed_range(text, option)
     form = "a list of seeds, such as 3,8,15"
-    return tuple(dict.fromkeys(_seed(part, f"{option} {text}", form) for part in text.split(",")))
+    seeds = tuple(_seed(part, f"{option} {text}", form) for part in text.split(","))
+    if len(set(seeds)) < len(seeds):
+        raise SceneError(f"{option} {text}: a trial runs once for each seed; name every seed once")
+    return seeds
 
 
 def parse_seed_range(text: str, option: str = "--seeds") -> range:

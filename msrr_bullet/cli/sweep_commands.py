@@ -204,10 +204,15 @@ def _run_trials(
     try:
         if dask is not None:
             with dask_cluster(dask) as cluster:
-                return run(cluster.slots, executor=cluster.executor).interrupted, None
-        for scene in scenes:
-            prepare_cameras(scene, say)
-        return run(jobs or DEFAULT_JOBS).interrupted, None
+                finished = run(cluster.slots, executor=cluster.executor)
+        else:
+            for scene in scenes:
+                prepare_cameras(scene, say)
+            finished = run(jobs or DEFAULT_JOBS)
+        if finished.outdated:
+            results = counted(finished.outdated, "result")
+            say(f"not taken from the store, for code or packages have changed since: {results}")
+        return finished.interrupted, None
     except StoreError as error:
         return True, StoreError(f"{error} (--store), or none (--fresh)")
     except (Terminated, ChangedFileError) as error:

@@ -87,7 +87,7 @@ MISSION_TABLES = (
             route="number of the route that it follows or has followed",
             progress_m="arc length of that route that it has covered",
             mode=f"what it does: {one_of(UnitMode)}",
-            docked_to="port into which it believes that it is locked",
+            docked_to="port into which it believes that it is locked, or which it is leaving",
             reason="why it is in this mode",
         ),
         lambda record, m: [(*unit(record), m.seq, m.route, m.progress, m.mode, m.docked_to, m.reason)],

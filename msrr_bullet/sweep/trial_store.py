@@ -133,6 +133,11 @@ class TrialStore:
         rows = self._rows(query, (scene_hash, code))
         return {seed: self._result(seed, text) for seed, text in rows if seed in wanted}
 
+    def outdated(self, scene_hash: str, code: str) -> set[int]:
+        """Return the seeds of the stored results of a scene that are of other code."""
+        query = "SELECT seed FROM trials WHERE scene_hash = ? AND code <> ?"
+        return {seed for (seed,) in self._rows(query, (scene_hash, code))}
+
     def merge(self, *others: Path) -> list[tuple[int, int]]:
         """Add the scenes and results of other stores, all of them or none.
 

@@ -40,10 +40,12 @@ class FinishedTrials:
     Attributes:
         outcomes: Result or failure of every trial that has ended, by hash of its scene and seed.
         interrupted: Whether the run was stopped before all trials were run.
+        outdated: Number of trials that were not in the store but by other code.
     """
 
     outcomes: Mapping[tuple[str, int], TrialResult | TrialFailure]
     interrupted: bool
+    outdated: int
 
 
 def one_trial(scene: Scene, seed: int, wall_limit_s: float | None = None) -> TrialResult:
@@ -86,12 +88,14 @@ class _WantedTrials:
         outcomes: Result or failure of every trial that has ended, by hash of its scene and seed.
         codes: Fingerprint of the code of every scene, by its hash.
         missing: The trials that the store does not hold.
+        outdated: Number of those that it holds by other code.
     """
 
     def __init__(self, store: TrialStore | None, observer: TrialObserver | None) -> None:
         self.outcomes: dict[tuple[str, int], TrialResult | TrialFailure] = {}
         self.codes: dict[str, str] = {}
         self.missing: deque[TrialTask] = deque()
+        self.outdated = 0
         self._asked: set[tuple[str, int]] = set()
         self._store, self._observer, self._own = store, observer, own_code()
 
@@ -117,6 +121,7 @@ class _WantedTrials:
         if tasks:
             _check(scene)
             if self._store is not None:
+                self.outdated += len(self._store.outdated(digest, code) & {task.seed for task in tasks})
                 self._store.put_scene(digest, scene.name, scene.model_dump_json())
             if runs_here:
                 prepare_cameras(scene, _log.info)  # once, instead of in every worker at the same time
@@ -193,4 +198,4 @@ def run_trials(
             raise
         finally:
             interrupted = pool.close() or interrupted
-    return FinishedTrials(wanted.outcomes, interrupted)
+    return FinishedTrials(wanted.outcomes, interrupted, wanted.outdated)

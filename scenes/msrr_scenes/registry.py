@@ -105,7 +105,7 @@ def resolve(key: str, name: str, table: ExtensionPoint[T]) -> Callable[..., T]:
     what = f"{key}: {table.kind} {name!r}"
     needed = f"every {table.kind} is a class with the methods {', '.join(table.methods)}"
     if not inspect.isclass(found):
-        raise SceneError(f"{what} is not a class, but a {type(found).__name__}; {needed}")
+        raise SceneError(f"{what} is not a class (found: {type(found).__name__}); {needed}")
     lacking = [method for method in table.methods if not callable(getattr(found, method, None))]
     if lacking:
         raise SceneError(f"{what} has no method {', '.join(lacking)}; {needed}")

@@ -154,8 +154,6 @@ def short_run(shipped: Callable[..., Scene], tmp_path_factory: pytest.TempPathFa
         "two_units",
         {
             "plant": "unicycle",
-            "cameras.onboard.samples": "1",
-            "cameras.overhead.samples": "1",
             "time_limit_s": "10",
             "units.a.pose.x_m": "-0.1",
             "units.a.pose.y_m": "0.05",

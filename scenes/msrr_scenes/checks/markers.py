@@ -35,6 +35,9 @@ def _of_unit(scene: Scene, unit: str) -> Iterator[Problem]:
             if drawn:
                 text = f"the URDF has tags of this port, {', '.join(drawn)}; say anchor instead"
                 yield Problem((*path, "dock"), text)
+            if marker.anchor != type(marker).model_fields["anchor"].default:
+                text = "changes nothing beside dock, which says where all tags of the map are; leave it out"
+                yield Problem((*path, "anchor"), text)
             continue
         if not slots:
             ports = [slot.split("_")[1] for slot in ids if "_marker_" in slot]

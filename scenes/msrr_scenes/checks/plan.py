@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from graphlib import CycleError, TopologicalSorter
 
 from msrr_scenes.checks.moves import move_problems
 from msrr_scenes.checks.problems import KeyPath, Problem
-from msrr_scenes.checks.references import step_key, unknown_unit
+from msrr_scenes.checks.references import camera_names, step_key, unknown_unit
 from msrr_scenes.errors import nearest
-from msrr_scenes.specs.faults import CameraBlackout, EncoderStuck, PortPlugged
+from msrr_scenes.messages import OVERHEAD
+from msrr_scenes.specs.faults import CameraBlackout, EncoderStuck, MarkerHidden, PortPlugged, SeatSwitchStuck
 from msrr_scenes.specs.plan import (
     DockStep,
     PlanStep,
@@ -222,3 +224,29 @@ def fault_problems(scene: Scene) -> list[Problem]:
             text = f"fault {earlier} is of this kind and in this place, too; keep one of them"
             problems.append(Problem(("faults", i), text))
     return problems
+
+
+def idle_faults(scene: Scene) -> Iterator[Problem]:
+    """Yield faults that change nothing, for units on their own do nothing but the docks of the plan."""
+    if scene.coordinated:
+        return
+    docking = {step.unit: None for step in scene.docks}
+    docked_to = {step.target_unit: None for step in scene.docks}
+    for i, fault in enumerate(scene.faults):
+        if isinstance(fault, CameraBlackout):
+            acting = [name for name in camera_names(scene) if name.partition("/")[0] in {OVERHEAD, *docking}]
+            key, named = "camera", fault.camera
+        elif isinstance(fault, PortPlugged):
+            key, named, acting = "port", f"{fault.unit}.{fault.port}", [step.to for step in scene.docks]
+            if named in acting and min(fault.attempts, default=math.inf) > scene.docking.attempts:
+                text = f"none of these is among docking.attempts = {scene.docking.attempts}; name one that is"
+                yield Problem(("faults", i, "attempts"), text)
+        elif isinstance(fault, (MarkerHidden, SeatSwitchStuck)):
+            key, named, acting = "unit", fault.unit, [*docked_to]
+            if isinstance(fault, MarkerHidden) and scene.cameras.overhead is not None:
+                continue  # the tag on top counts as well
+        else:
+            key, named, acting = "unit", fault.unit, [*docking]
+        if named not in acting:
+            text = f"changes nothing in this plan; {fault.kind} acts on {', '.join(acting)}"
+            yield Problem(("faults", i, key), f"{text}; name that, or leave the fault out")

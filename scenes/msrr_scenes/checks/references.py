@@ -133,6 +133,10 @@ def value_problems(scene: Scene) -> list[Problem]:
             f"{scene.control.rate_hz:g}; lower it or raise physics_hz"
         )
         problems.append(Problem(("control", "rate_hz"), text))
+    for name, obstacle in scene.obstacles.items():
+        if obstacle.tag_id is None and obstacle.tag_m != type(obstacle).model_fields["tag_m"].default:
+            text = "changes nothing without a tag; give tag_id as well, or leave it out"
+            problems.append(Problem(("obstacles", name, "tag_m"), text))
     for i, fault in enumerate(scene.faults):
         if isinstance(fault, CameraBlackout) and fault.from_s >= fault.to_s:
             text = f"the blackout ends before it begins (from_s = {fault.from_s:g}, to_s = {fault.to_s:g})"

@@ -33,6 +33,9 @@ from msrr_scenes.temporary_files import room_for_temporary_files
 #: Keys of a target that mean the same in a scene.
 _SHARED = ("odometry", "as_built", "los", "control", "description")
 
+#: Keys of ``control`` that act on a recording.
+_OF_PERCEPTION = {"estimator", "detector", "delay_compensation"}
+
 
 def read_target(path: Path) -> TargetSpec:
     """Read a target file.
@@ -44,7 +47,7 @@ def read_target(path: Path) -> TargetSpec:
     embed_file(document, ("camera", "calibration"), path.parent, read_calibration)
     embed_file(document, ("marker", "map"), path.parent, read_tag_map)
     spec = validated(TargetSpec, document)
-    refuse(document, list(_missing(spec, path.parent)))
+    refuse(document, [*_missing(spec, path.parent), *_without_effect(spec)])
     return spec
 
 
@@ -66,6 +69,21 @@ def _missing(spec: TargetSpec, beside: Path) -> Iterator[Problem]:
             yield Problem((key, "port"), f"{text}{nearest(part.port, ports)} Known: {', '.join(ports)}")
         if isinstance(part, TargetUnitSpec):
             yield from unknown_slots((key, "tag_ids"), part.tag_ids, geometry.tag_slots)
+
+
+def _without_effect(spec: TargetSpec) -> Iterator[Problem]:
+    """Yield what changes nothing in a recording."""
+    for key in sorted(spec.control.model_fields_set - _OF_PERCEPTION):
+        yield Problem(("control", key), "changes nothing, for a recording is not controlled; leave it out")
+    for group, quantity, deviation in spec.as_built.deviations():
+        if deviation.error is not None:
+            text = "changes nothing, for a recording has its own true errors; give a tolerance, {sigma: ...}"
+            yield Problem(("as_built", group, quantity), text)
+    if spec.marker is not None and "tags" in spec.model_fields_set:
+        yield Problem(("tags",), "changes nothing, for a map has family and size of its tags; leave it out")
+    for key in spec.los.model_fields_set & {"half_width_m", "setback_m"} if spec.marker is not None else ():
+        text = "changes nothing, for the outermost edges of mapped tags are the target; leave it out"
+        yield Problem(("los", key), text)
 
 
 @room_for_temporary_files()

@@ -124,7 +124,8 @@ class UnitReport:
         route: Number of the route that the unit follows or has followed.
         progress: Arc length of that route that the unit has covered [m].
         mode: What the unit does.
-        docked_to: Port ``<unit>.<port>`` into which the unit believes that it is locked, None if it is free.
+        docked_to: Port ``<unit>.<port>`` into which the unit believes that it is locked, or which it is
+            still leaving: one that fails on the way out tells it, too. None if it is free.
         stopping: Poses (x, y, yaw) of the axle in W that the unit would still pass if it stopped now, the
             last one at rest [m, m, rad]; empty while it stands.
         reason: Why the unit is in this mode, in words.

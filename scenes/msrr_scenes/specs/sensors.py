@@ -127,7 +127,11 @@ class CameraSpec(Spec):
     """Edge of the grid of samples in a pixel over which the renderer ``tiny`` averages; 1 means no
     anti-aliasing. ``raster`` computes what each pixel shows of each surface, and needs none."""
     readout: Literal["windows", "frames"] = "windows"
-    """What the sensor can deliver: any windows of a frame, or whole frames only."""
+    """What the sensor can deliver: any windows of a frame, or whole frames only.
+
+    A robot whose onboard camera delivers whole frames reads them whole, and the log has them. Of the overhead
+    camera windows are read either way, and are the same.
+    """
 
     @property
     def pinhole(self) -> PinholeCamera:

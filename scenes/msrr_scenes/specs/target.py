@@ -108,7 +108,7 @@ class TargetSpec(Spec):
     los: LosSpec = LosSpec()
     """Target and cone of the line of sight; the target of mapped tags is given by the outermost of them."""
     control: ControlSpec = ControlSpec()
-    """Estimator and detector; the laws are not used."""
+    """Estimator, detector and ``delay_compensation``; all else would change nothing, and is refused."""
 
     @model_validator(mode="after")
     def _has_one_target(self) -> Self:

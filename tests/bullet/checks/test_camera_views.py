@@ -40,7 +40,7 @@ def test_nothing_is_asked_where_an_assembler_of_a_users_own_ends() -> None:
     """The start was taken for that place: 2.6 m away in this scene, and facing anywhere."""
     own = {**_camera("onboard", 160), "control.assembly": "my_lab:Assembler"}
     assert not list(coarse_tags(load_scene("two_units", own)))
-    [line] = coarse_tags(load_scene("close_range", own))
+    [line] = coarse_tags(load_scene("close_range", _camera("onboard", 160)))
     assert "0.80 m from b.rear" in line
 
 

@@ -26,7 +26,7 @@ def test_overrides_and_seeds() -> None:
     assert parse_overrides(["a.b=1", "c=x=y", "d="]) == {"a.b": "1", "c": "x=y", "d": ""}
     assert parse_overrides(None) == {}
     assert parse_seeds("3:6") == range(3, 6)
-    assert parse_seeds("9,2,9,4") == (9, 2, 4)
+    assert parse_seeds("9,2,4") == (9, 2, 4)
 
 
 @pytest.mark.parametrize("pairs", [["a"], ["=1"], ["a=1", "a=2"]])
@@ -47,6 +47,7 @@ def test_overrides_have_a_key_and_a_value_once(pairs: list[str]) -> None:
         "1:2:3",
         "1,",
         "1,2:4",
+        "3,1,1",
         f"0:{MAX_SEEDS + 1}",
         f"{2**63}:{2**63 + 1}",
     ],

@@ -107,7 +107,9 @@ def test_a_store_that_cannot_be_opened_is_told_with_the_options(
 
 
 @pytest.mark.usefixtures("sweeps_here")
-def test_sweep_writes_the_numbers(short_trial: list[str], tmp_path: Path, capsys: Capture) -> None:
+def test_sweep_writes_the_numbers(
+    short_trial: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
     arguments = ["sweep", "close_range", *short_trial, "--seeds", "0:2", "--jobs", "1"]
     assert run([*arguments, "--json", "numbers.json"]) == 0
     numbers = json.loads((tmp_path / "numbers.json").read_text())
@@ -121,6 +123,11 @@ def test_sweep_writes_the_numbers(short_trial: list[str], tmp_path: Path, capsys
     assert run([*arguments, "--json", "-"]) == 0  # the table gives way to the numbers
     again = json.loads(capsys.readouterr().out)
     assert again == {**numbers, "reused": 2}
+    for module in ("trials", "remote_trial"):
+        monkeypatch.setattr(f"msrr_bullet.sweep.{module}.code_fingerprint", lambda scene, **_: "edited")
+    assert run(arguments) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "not taken from the store, for code or packages have changed since: 2 results" in told
 
 
 @pytest.mark.usefixtures("sweeps_here")

@@ -29,12 +29,10 @@ from msrr_scenes.messages.coordination import Authority, MissionStatus, UnitRepo
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
-#: Contact and pixels, one sample each, up to where all units drive.
+#: Contact and pixels, up to where all units drive.
 WITH_IMAGES = {
     "plant": "bullet",
     "perception": "images",
-    "cameras.onboard.samples": "1",
-    "cameras.overhead.samples": "1",
     "time_limit_s": "4",
 }
 

@@ -55,7 +55,7 @@ Load = Callable[..., Scene]
         ),
         ("close_range", {"control.detector.params.family": "tag99"}, "unknown tag family 'tag99'"),
         ("close_range", {"cameras.onboard.renderer": "rasta"}, "unknown renderer 'rasta'"),
-        ("close_range", {"control.assembly": "c9"}, "unknown assembler 'c9'"),
+        ("two_units", {"control.assembly": "c9"}, "unknown assembler 'c9'"),
         (
             "two_units",
             {"control.assembly": "{name: c2, params: {feedback: {k: 1}}}"},

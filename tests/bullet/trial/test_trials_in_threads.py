@@ -14,7 +14,7 @@ def test_trials_with_images_end_in_threads_as_they_do_one_after_the_other(
     shipped: Callable[..., Scene],
 ) -> None:
     """They shared a detector, which lost tags, or ended the process."""
-    scene = shipped("close_range", {"cameras.onboard.samples": "1", "time_limit_s": "2"})
+    scene = shipped("close_range", {"time_limit_s": "2"})
 
     def run(seed: int) -> TrialResult:
         return run_trial(scene, seed)

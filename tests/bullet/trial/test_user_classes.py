@@ -301,7 +301,7 @@ def test_tags_that_are_read_but_agree_with_no_pose_are_told_from_none(shipped: L
 @pytest.mark.nightly
 def test_guards_change_nothing_in_a_trial(shipped: Load) -> None:
     """Shipped implementations give the same trial, bit for bit, under names of a user's own."""
-    near = {"cameras.onboard.samples": "1", "time_limit_s": "4"}
+    near = {"time_limit_s": "4"}
     far = {"plant": "unicycle", "perception": "parametric", "time_limit_s": "6"}
     for name, overrides in (("close_range", near), ("two_units", far)):
         own = {key: f"users_classes:{kind.title()}" for kind, key in KEYS.items()}
@@ -384,8 +384,6 @@ def test_a_failure_stops_the_unit_and_ends_the_trial(
     """
     pixels = kind in ("detector", "renderer") or name in ("WritingFilter", "WritingMap")
     overrides = {KEYS[kind]: f"users_classes:{name}"}
-    if pixels:
-        overrides["cameras.onboard.samples"] = "1"
     scene = shipped("two_units" if kind == "assembler" else "close_range", overrides, blind=not pixels)
     result = run_trial(scene, SEED, out=tmp_path)
     (step,) = result.steps

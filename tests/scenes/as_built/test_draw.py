@@ -140,7 +140,7 @@ def test_a_camera_is_mounted_in_its_own_frame() -> None:
 
 def test_a_misaligned_camera_is_turned_and_is_not_as_designed() -> None:
     fault = "{kind: camera_misaligned, unit: a, yaw_deg: 7}"
-    faulty = scene("perfect", faults=f"[{{kind: port_plugged, unit: a, port: rear}}, {fault}]")
+    faulty = scene("perfect", faults=f"[{{kind: port_plugged, unit: b, port: rear}}, {fault}]")
     X_BX = as_designed(faulty).units["a"].camera.X_BX
     assert X_BX is not None
     turned = SE3.from_se2(SE2(0.0, 0.0, math.radians(7.0)))

@@ -114,6 +114,12 @@ def test_a_log_needs_no_file(tmp_path: Path) -> None:
             {},
             r"rear\.dock: the URDF has tags of this port",
         ),
+        (
+            "{rear: {map: map.yaml, anchor: left, dock: {}}}",
+            0.05,
+            {},
+            r"rear\.anchor: changes nothing beside dock",
+        ),
     ],
 )
 def test_what_does_not_fit_is_said(

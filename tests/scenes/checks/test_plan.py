@@ -55,6 +55,24 @@ def faults(*given: str) -> str:
             "faults.1",
             "keep one of them",
         ),
+        (
+            {"faults": faults("kind: port_plugged, unit: b, port: rear, attempts: [4, 5]")},
+            "faults.0.attempts",
+            "none of these is among docking.attempts = 3",
+        ),
+        *(
+            (
+                {"faults": faults(f"kind: {kind}, {where}")},
+                f"faults.0.{key}",
+                f"{kind} acts on {acting}; name",
+            )
+            for kind, where, key, acting in (
+                ("lock_jammed", "unit: b", "unit", "a"),
+                ("seat_switch_stuck", "unit: a, value: open", "unit", "b"),
+                ("port_plugged", "unit: b, port: left", "port", "b.rear"),
+                ("camera_blackout", "camera: c/onboard, from_s: 0, to_s: 1", "camera", "overhead, a/onboard"),
+            )
+        ),
     ],
 )
 def test_a_step_that_never_begins_and_faults_that_contradict_each_other(
@@ -72,9 +90,10 @@ def test_a_step_that_never_begins_and_faults_that_contradict_each_other(
         {"plan": plan("a to b.rear", "c to b.left")},
         {"plan": plan("a to b.rear", "c to a.rear")},
         {
+            "plan": plan("a to b.rear", "c to b.left"),
             "faults": faults(
                 "kind: port_plugged, unit: b, port: rear", "kind: port_plugged, unit: b, port: left"
-            )
+            ),
         },
         {
             "faults": faults(

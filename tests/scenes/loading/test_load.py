@@ -159,6 +159,11 @@ def test_the_issues_start_sets_and_limits() -> None:
             "radius_m: -1",
             ["scene.yaml:17:5: obstacles.post.radius_m", "greater than or equal to 0.005", "found -1"],
         ),
+        (
+            "    radius_m:",
+            "    tag_m: 0.2\n    radius_m:",
+            ["obstacles.post.tag_m: changes nothing without"],
+        ),
         ("radius_m: 0.05", "radius_m: .nan", ["scene.yaml:17:5: obstacles.post.radius_m", "finite", "nan"]),
         ("radius_m: 0.05", "radius_m: .inf", ["scene.yaml:17:5: obstacles.post.radius_m", "finite", "inf"]),
         ("number: 1", "number: yes", ["scene.yaml:5:5: units.b.number", "the flag true; yes, no, "]),
@@ -345,8 +350,16 @@ def test_an_override_that_changes_nothing_is_refused(tmp_path: Path) -> None:
     for key, value in (noise | of_pixels).items():
         with pytest.raises(SceneError, match=f"{key}: changes nothing with perception: parametric"):
             load_scene("two_units", {**blind, key: value})
-    with pytest.raises(SceneError, match="sigma_xy_m: changes nothing with perception: images"):
-        load_scene("close_range", sigma)
+    for overrides, why in (
+        (sigma, "with perception: images"),
+        ({"motors.torque_nm": "0.2", **blind}, "with plant: unicycle"),
+        ({"control.guard": "{sigmas: 3}"}, "without an overhead camera"),
+        ({"docking.learn_seats": "false"}, "without a base station"),
+        ({"cameras.onboard.samples": "4"}, "with the renderer raster"),
+        ({"cameras.overhead.readout": "frames"}, "but the time that a trial takes"),
+    ):
+        with pytest.raises(SceneError, match=f": {next(iter(overrides))}: changes nothing {why}"):
+            load_scene("close_range", overrides)
     load_scene("close_range", noise)
     load_scene("close_range", {**blind, **sigma, "cameras.onboard.dropout": "0.1"})
     file = tmp_path / "both.yaml"  # what a file says may be for either perception

@@ -147,6 +147,15 @@ def test_the_target_files_of_the_page_can_be_used(tmp_path: Path) -> None:
             {"unit": {"number": 1, "port": "rear", "tag_ids": {"port_rear_marker": 3}}},
             r"t\.yaml:\d+:\d+: unit\.tag_ids\.port_rear_marker: no such tag link",
         ),
+        *(
+            ({"marker": {"map": "map.yaml"}, key: value}, rf"t\.yaml:\d+:\d+: {place}: changes nothing")
+            for key, value, place in (
+                ("control", {"docking": "c1"}, r"control\.docking"),
+                ("as_built", {"onboard": {"yaw_deg": 1.0}}, r"as_built\.onboard\.yaw_deg"),
+                ("tags", {"side_m": 0.1}, "tags"),
+                ("los", {"setback_m": 0.1}, r"los\.setback_m"),
+            )
+        ),
     ],
 )
 def test_mistakes_are_answered_with_place_and_mend(tmp_path: Path, data: object, text: str) -> None:
