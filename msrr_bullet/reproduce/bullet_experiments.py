@@ -62,8 +62,8 @@ class Experiment:
 
         Raises:
             UnknownNameError: There is no such scene.
-            SceneError: A base station leads it: what is measured is the last step of a plan whose docks are
-                carried out one by one.
+            SceneError: It has no overhead camera, or a base station leads it: measured are both phases of the
+                last step of a plan whose docks are carried out one by one.
         """
         overrides = {
             "as_built": "perfect",
@@ -71,6 +71,11 @@ class Experiment:
             "control.docking": json.dumps(self.docking[label].model_dump()),
         }
         if label in self.assembly:
+            if load_scene(self.scene).cameras.overhead is None:
+                raise SceneError(
+                    f"{self.scene}: without an overhead camera it has no long-distance phase; expected a "
+                    "mission of both phases, such as two_units"
+                )
             overrides["control.assembly"] = json.dumps(self.assembly[label].model_dump())
         scene = load_scene(self.scene, overrides)
         if scene.coordinated:

@@ -143,7 +143,12 @@ def test_a_folder_is_for_one_reproduction_at_a_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("mission", "said"), [("two_unit", "did you mean 'two_units'"), ("dock_again", "a base station leads")]
+    ("mission", "said"),
+    [
+        ("two_unit", "did you mean 'two_units'"),
+        ("dock_again", "a base station leads"),
+        ("close_range", "no long-distance phase"),
+    ],
 )
 def test_a_mission_that_cannot_be_measured_is_refused_before_the_studies(
     mission: str, said: str, tmp_path: Path
