@@ -153,7 +153,8 @@ class Coordinator:
                 return
             siting.move()
         unseen = [unit.name for unit in units if unit.X_WU is None]
-        if unseen and seconds(now_ns - self._start_ns) < self._patience.seen_s:
+        patience_s = self._patience.seen_s if siting.sees_root(units) else self._patience.lost_s
+        if unseen and seconds(now_ns - self._start_ns) < patience_s:
             return
         try:
             tasks, wanted = siting.choose(units, self._dispatcher.ends.obstacles)

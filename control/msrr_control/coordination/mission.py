@@ -27,7 +27,8 @@ class Patience:
         held_s: Time for which a unit says that it stands on free ground after which it gets another route.
         recalls: How often a unit gets another route for that.
         lost_s: Time without progress on free ground after which a unit counts as failed, and time for which
-            tasks that nobody else can do wait for a unit that is lost, or was never seen.
+            tasks that nobody else can do wait for a unit that is lost, or was never seen, and a shape for the
+            first sight of its root.
         dock_s: Time without progress or without a report in the dock leg, in which a unit may try more than
             once, after which it counts as failed or as lost.
         hopeless_s: Time without a route for anybody after which a task is given up.

@@ -111,6 +111,15 @@ class Siting:
             raise SceneError("the shape and the lanes to it do not fit into the arena")
         return shape_tasks(shape, lanes, mission.named, found.X_WR), dict(found.units)
 
+    def sees_root(self, units: Iterable[UnitRecord]) -> bool:
+        """Return whether a unit was seen that can be the root of the shape; a plan has no root."""
+        mission, seen = self._mission, {unit.name for unit in units if unit.X_WU is not None}
+        if mission.shape is None:
+            return True
+        if mission.holders:
+            return next(iter(assembly_ports(mission.holders))) in seen
+        return mission.shape.root.name in seen if mission.named else bool(seen)
+
     def choose_again(
         self, units: Iterable[UnitRecord], obstacles: tuple[ObstacleEstimate, ...]
     ) -> tuple[list[Task], bool] | None:

@@ -7,6 +7,7 @@ port there may be the border of the arena, or an obstacle.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 
 from msrr_control.coordination.embedding import embedding, grandchildren_fit
 from msrr_control.coordination.ledger import UnitRecord
@@ -26,6 +27,8 @@ def place_of_target(
 ) -> SE2 | None:
     """Return where the target of some tasks has to stand; None if that is where it is, or nowhere.
 
+    Where others are to drive by the plan is left free for them if there is such a place.
+
     Args:
         target: Unit that carries nobody.
         tasks: Tasks that are open.
@@ -39,8 +42,12 @@ def place_of_target(
         return None
     lanes = setup.lanes
     keep_out = _keep_out([unit for name, unit in units.items() if name not in there], obstacles, setup)
+    ends = [t.pose for t in tasks if t.kind is TaskKind.MOVE and t.pose is not None and t.unit != target.name]
     poses = {name: unit.pose for name, unit in there.items()}
-    found = embedding(shape, poses, lanes, setup.finder.box, setup.travel, named=True, keep_out=keep_out)
+    fit = partial(embedding, shape, poses, lanes, setup.finder.box, setup.travel, named=True)
+    found = fit(keep_out=[*keep_out, *((X.x, X.y, lanes.body.radius) for X in ends)]) or fit(
+        keep_out=keep_out
+    )
     if found is None:
         return None
     # A place that the target would be taken to have reached from where it stands is not worth a move.

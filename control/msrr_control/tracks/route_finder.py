@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import product, takewhile
 
@@ -75,24 +76,39 @@ class RouteFinder:
             if turned is not None and self._begins_freely(turned, request):
                 return turned
         tight: Track | None = None  # the collision monitor holds a unit that turns beside an obstacle
-        for distance in BACK_OUT_M if leaves is not None else self._straight_first(request):
+        meets = False  # whether a route that the planner found comes too near to a unit
+        ways = BACK_OUT_M if leaves is not None else self._straight_first(request)
+        for room, distance in product((0.0, self._corner_cut), ways):
+            if room and not meets:
+                break
             builder = TrackBuilder(X_WU, self.body.offset)
             if leaves is not None:
                 if self.behind(X_WU, distance, obstacles) is not None:
-                    break
+                    continue
                 builder.back(distance)
             elif distance > 0.0:
                 builder.ahead(distance)
             elif distance < 0.0:
                 builder.reverse(-distance)
-            if X_WE is not None and not self._plan(builder, X_WE, request):
+            if X_WE is not None and not self._plan(builder, X_WE, replace(request, room=room)):
                 continue
             track = builder.track()
-            if self._contact(track, request) is None:
-                if leaves is not None or self._begins_freely(track, request):
-                    return track
-                tight = tight or track
+            if self._contact(track, request) is not None:
+                meets = X_WE is not None
+                continue
+            if leaves is not None or self._begins_freely(track, request):
+                return track
+            tight = tight or track
         return tight
+
+    @property
+    def _corner_cut(self) -> float:
+        """How much nearer to a unit the axle comes than the controlled point that drives around it [m].
+
+        The margin from units has no room for all of that, and most routes need none.
+        """
+        radius = self.body.radius + self.body.half_width + self.spec.unit_margin_m
+        return math.hypot(radius, self.body.offset) - radius
 
     def _straight_first(self, request: RouteRequest) -> list[float]:
         """Return the straight ways that are tried before a route is planned: ahead > 0, back < 0 [m].
@@ -292,7 +308,8 @@ class RouteFinder:
 
     def _discs(self, request: RouteRequest) -> tuple[Disc, ...]:
         """Return the circles about the units that stand there."""
-        return tuple(Disc(s.name, s.X_WB.x, s.X_WB.y, self.body.radius) for s in request.standing)
+        radius = self.body.radius + request.room
+        return tuple(Disc(s.name, s.X_WB.x, s.X_WB.y, radius) for s in request.standing)
 
 
 def _at_port(track: Track) -> Track:

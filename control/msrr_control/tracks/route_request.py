@@ -41,6 +41,7 @@ class RouteRequest:
         enters: Unit in whose port it ends.
         held: Whether the collision monitor of the unit has held it where it stands. Something is nearer to it
             than it seems from above, so that it turns on the spot only where there is all the room for that.
+        room: What the route keeps farther from other units than their margin [m].
     """
 
     X_WU: SE2
@@ -51,6 +52,7 @@ class RouteRequest:
     leaves: str | None = None
     enters: str | None = None
     held: bool = False
+    room: float = 0.0
 
     @property
     def others(self) -> list[Standing]:

@@ -495,6 +495,27 @@ def test_a_unit_that_was_not_seen_yet_is_waited_for(rig: type[Rig], unseen: str,
         assert 30.0 < run.now_ns * 1e-9 < 45.0
 
 
+@pytest.mark.parametrize(("assembled", "until_s"), [(True, 12.0), (True, math.inf), (False, math.inf)])
+def test_a_shape_waits_for_the_first_sight_of_its_root(
+    rig: type[Rig], assembled: bool, until_s: float
+) -> None:
+    """It was given up after 5 s, for an overhead camera that began to see later."""
+    root = SE2(0.4, -0.4, 0.3)
+    docked = rig(Mission(), {}).setup.lanes.body.docked(root, "rear")
+    starts = {"a": root, "b": docked if assembled else SE2(-1.0, -0.6)}
+    shape = Shape.from_tree({"a": "root", "b": "a.left"})
+    mission = Mission(shape=shape, named=True, holders={"b": "a.rear"} if assembled else {})
+    run = rig(mission, starts)
+    run.units["a"].hidden_s = (0.0, until_s)
+    status = run.run(120.0)
+    if until_s < math.inf:
+        assert (status.state, run.joints) == (MissionState.COMPLETE, {"b": "a.left"}), status.reason
+    else:
+        assert status.state is MissionState.INCOMPLETE
+        assert "not seen: a" in status.reason
+        assert 30.0 < run.now_ns * 1e-9 < 31.0
+
+
 def test_a_unit_that_is_first_seen_when_its_task_was_given_up_for_want_of_it_does_it(rig: type[Rig]) -> None:
     """Of two that were never seen one did its task, which was still open, and the other stayed idle."""
     starts = {"a": SE2(-1.2, 0.6), "b": SE2(0.6, 0.6), "c": SE2(-1.2, -0.6), "d": SE2(0.6, -0.6)}

@@ -120,3 +120,21 @@ def test_a_shape_may_be_built_elsewhere_while_nobody_moves_or_has_docked(setup: 
     line = Shape.from_tree({"a": "root", "b": "a.rear"})
     for mission in (Mission(steps=[step]), Mission(shape=line, holders={"b": "a.rear"})):
         assert not Siting(mission, setup).may_move(units)
+
+
+def test_any_unit_that_is_seen_can_be_the_root_but_of_named_places_and_of_assemblies(
+    setup: CoordinationSetup,
+) -> None:
+    """A plan has no root, and is chosen before anybody is seen."""
+    units = {"a": UnitRecord("a"), "b": UnitRecord("b")}
+    missions = Mission(), Mission(TREE), Mission(TREE, named=True), Mission(TREE, holders={"b": "a.rear"})
+    found = []
+    for seen in ("", "b", "a"):
+        if seen:
+            units[seen].X_WU = SE2()
+        found.append([Siting(mission, setup).sees_root(units.values()) for mission in missions])
+    assert found == [
+        [True, False, False, False],
+        [True, True, False, False],
+        [True, True, True, True],
+    ]

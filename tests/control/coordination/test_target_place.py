@@ -76,6 +76,24 @@ def test_a_target_goes_to_where_nobody_stands_in_its_lanes(setup: CoordinationSe
     assert place_of_target(alone["b"], [task], alone, setup, everywhere) is None
 
 
+def test_a_target_leaves_the_ends_of_moves_free_where_there_is_room_elsewhere(
+    setup: CoordinationSetup,
+) -> None:
+    """It went where the unit that was to dock to it was to drive before, which then found no route."""
+    dock, units = _dock("a", "b", "rear"), _units(a=A, b=SE2(-1.7, 0.0, 0.0))
+    best = place_of_target(units["b"], [dock], units, setup, ())
+    assert best is not None
+    ahead = [Task("a moves", TaskKind.MOVE, "a", pose=SE2(best.x, best.y, 1.0)), dock]
+    place = place_of_target(units["b"], ahead, units, setup, ())
+    assert place is not None
+    assert setup.lanes.body.gap(place, SE2(best.x, best.y, 1.0)) > 0.0
+    own = [Task("b moves", TaskKind.MOVE, "b", pose=best), dock]
+    assert place_of_target(units["b"], own, units, setup, ()) == best
+    grid = [SE2(0.25 * i, 0.25 * k) for i in range(-8, 9) for k in range(-6, 7)]
+    everywhere = [Task(f"{X}", TaskKind.MOVE, "a", pose=X) for X in grid]
+    assert place_of_target(units["b"], [*everywhere, dock], units, setup, ()) == best
+
+
 def test_only_dockings_of_units_that_are_named_and_seen_count(setup: CoordinationSetup) -> None:
     units = _units(a=A, b=SE2(-1.7, 0.0, 0.0), c=C)
     moves = Task("a", TaskKind.MOVE, "a", parent_unit="b", port="rear")

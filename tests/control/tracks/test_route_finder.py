@@ -65,6 +65,25 @@ def test_a_unit_docks_and_leaves_beside_neighbours(setup: CoordinationSetup) -> 
     assert [leg.kind for leg in only_out.legs] == [LegKind.BACK]
 
 
+@pytest.mark.parametrize(
+    ("start", "goal", "yaw"),
+    [
+        (SE2(0.628, 0.004, -1.265), SE2(-0.599, -0.039, -3.015), -0.410),
+        (SE2(0.240, 0.848, -0.371), SE2(-0.076, -0.504, -2.093), -1.278),
+        (SE2(0.762, 0.600, -1.111), SE2(-0.329, -0.511, -2.034), 2.131),
+    ],
+)
+def test_around_a_unit_there_is_a_route_although_the_axle_cuts_the_corner(
+    setup: CoordinationSetup, start: SE2, goal: SE2, yaw: float
+) -> None:
+    """By the margin alone, a corner of the unit in the middle would be up to 2 mm nearer than it may be."""
+    there = SE2(0.0, 0.0, yaw)
+    track = setup.finder.find(RouteRequest(start, goal, [Standing("middle", there, False)]))
+    assert track is not None
+    assert not setup.lanes.body.near(track.poses, there.as_array(), GAP_M).any()
+    assert math.hypot(track.end.x - goal.x, track.end.y - goal.y) < 0.01
+
+
 def test_an_obstacle_is_driven_around(setup: CoordinationSetup) -> None:
     post = ObstacleEstimate("post", 0, SE2(0.0, 0.0), np.eye(3) * 1e-6, 0.08)
     start, goal = SE2(-1.3, 0.0, 0.0), SE2(1.0, 0.0, 0.0)
