@@ -140,7 +140,7 @@ class Dispatcher:
         return RouteRequest(
             unit.pose,
             X_WE,
-            [other.standing(units, enters, self._setup.lanes.body) for other in others],
+            [other.standing(units, unit.holder, enters, self._setup.lanes.body) for other in others],
             self.ends.obstacles,
             dock=enters is not None,
             leaves=None if unit.holder is None else unit.holder[0],

@@ -86,8 +86,9 @@ class Interlock:
                 return track.length
             key = (other.name, -other.still_ns, unit.name, unit.route)
             if key not in self._needed:
-                body = other.standing(units, unit.enters, self._body)
-                bent = track if body.X_WE is None else track.docking_at(body.X_WE)
+                leaves = unit.holder if unit.unlocks else None
+                body = other.standing(units, leaves, unit.enters, self._body)
+                bent = track.from_port_to_port(body.X_WS, body.X_WE)
                 self._needed[key] = needed(standing(body.X_WB, body.at_port), bent, self._body)
             clear = np.isneginf(self._needed[key])
         else:

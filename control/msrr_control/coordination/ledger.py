@@ -205,20 +205,27 @@ class UnitRecord:
         """Where the unit stands at the end of its route; where it is without one."""
         return self.track.end if self.under_way and self.track is not None else self.pose
 
-    def standing(self, units: Collection[UnitRecord], enters: tuple[str, str] | None, body: Body) -> Standing:
+    def standing(
+        self,
+        units: Collection[UnitRecord],
+        leaves: tuple[str, str] | None,
+        enters: tuple[str, str] | None,
+        body: Body,
+    ) -> Standing:
         """Return the body for the planning of another unit: at the end of its route, or where it is.
 
         Args:
             units: All units, of which some may be docked to this one, or be on the way there.
-            enters: Unit and port at which the other one's track ends; None in the open.
+            leaves: Unit and port at which the other one's track begins; None in the open.
+            enters: Unit and port at which it ends; None in the open.
             body: Form of the units.
         """
-        X_WE = None if enters is None else self._seat(enters, units, body)
+        X_WS, X_WE = (None if port is None else self._seat(port, units, body) for port in (leaves, enters))
         if self.under_way:
-            return Standing(self.name, self.destination, self.enters is not None, X_WE)
+            return Standing(self.name, self.destination, self.enters is not None, X_WS, X_WE)
         holds = any(self.name == port[0] for other in units for port in other.docks)
         docked = bool(self.docks) or self.state is UnitState.DOCKED
-        return Standing(self.name, self.pose, holds or docked, X_WE)
+        return Standing(self.name, self.pose, holds or docked, X_WS, X_WE)
 
     def _seat(self, port: tuple[str, str], units: Iterable[UnitRecord], body: Body) -> SE2 | None:
         """Return the pose of a unit docked to a port of the assembly of this one, as seen from this one.

@@ -227,7 +227,7 @@ class RouteFinder:
         contacts: list[tuple[float, str]] = []
         for other in standing:
             beside = self._is_beside(start, other)
-            bent = track if other.X_WE is None else track.docking_at(other.X_WE)
+            bent = track.from_port_to_port(other.X_WS, other.X_WE)
             compared = _at_port(bent) if beside else bent
             met = first_contact(compared, other.X_WB, other.at_port or beside, self.body)
             lost = self._first_loss(track, other) if beside else None

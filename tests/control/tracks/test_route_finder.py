@@ -265,8 +265,21 @@ def test_a_dock_leg_is_compared_where_the_docks_put_its_port(setup: Coordination
     builder.dock(SE2(), 0.7)
     neighbour = SE2(0.0, 2.0 * body.half_width + 0.03, 0.0)
     for seat, meets in ((None, False), (SE2(0.0, -0.04, 0.0), False), (SE2(0.0, 0.04, 0.0), True)):
-        other = Standing("other", neighbour, True, seat)
+        other = Standing("other", neighbour, True, X_WE=seat)
         assert (setup.finder.contact(builder.track(), [other]) is not None) is meets
+
+
+def test_a_unit_leaves_its_port_beside_a_neighbour_wherever_sight_shows_both(
+    setup: CoordinationSetup,
+) -> None:
+    """Sight shows them 10 mm nearer than neighbours are; no way out of the port was found."""
+    body, hub = setup.lanes.body, SE2(0.2, 0.0, 0.0)
+    seat = SE2()
+    seen = SE2(0.0, 2.0 * body.half_width + 0.015, 0.0)
+    for X_WS, leaves in ((None, False), (seat @ SE2(0.0, -0.01, 0.0), True)):
+        standing = [Standing("hub", hub, True), Standing("other", seen, True, X_WS)]
+        track = setup.finder.find(RouteRequest(seat, SE2(-1.0, -0.6), standing, leaves="hub"))
+        assert (track is not None) is leaves
 
 
 def test_where_there_is_no_way_there_is_no_track(setup: CoordinationSetup) -> None:

@@ -132,7 +132,7 @@ def test_however_short_a_path_its_track_ends_on_it(beyond: float) -> None:
 def test_a_dock_leg_that_is_bent_ends_at_the_port_and_begins_where_it_began(X: SE2) -> None:
     track = _example()
     X_WE = track.end @ X
-    bent = track.docking_at(X_WE)
+    bent = track.from_port_to_port(None, X_WE)
     assert math.hypot(bent.end.x - X_WE.x, bent.end.y - X_WE.y) < 1e-12
     assert abs(wrap_angle(bent.end.yaw - X_WE.yaw)) < 1e-12
     assert bent.legs == track.legs
@@ -142,7 +142,26 @@ def test_a_dock_leg_that_is_bent_ends_at_the_port_and_begins_where_it_began(X: S
     moved = np.hypot(*(bent.poses - track.poses)[~before, :2].T)
     most = math.hypot(X.x, X.y) + abs(wrap_angle(X.yaw)) * (track.length - track.s[~before])
     assert np.all(moved <= share * most + 1e-12), "the bend does not begin with nothing"
-    np.testing.assert_allclose(bent.docking_at(track.end).end.as_array(), track.end.as_array(), atol=1e-12)
+    back = bent.from_port_to_port(None, track.end)
+    np.testing.assert_allclose(back.end.as_array(), track.end.as_array(), atol=1e-12)
+
+
+@pytest.mark.parametrize("X", [SE2(), SE2(0.01, -0.02, 0.03), SE2(-0.02, 0.01, -0.05)])
+def test_a_leg_out_of_a_port_that_is_bent_begins_at_the_port_and_ends_where_it_ended(X: SE2) -> None:
+    builder = TrackBuilder(SE2(0.2, -0.1, 0.5), OFFSET)
+    builder.back(0.4)
+    builder.turn_by(0.7)
+    builder.ahead(0.3)
+    track = builder.track()
+    X_WS = SE2(*track.poses[0].tolist()) @ X
+    bent = track.from_port_to_port(X_WS, None)
+    np.testing.assert_allclose(bent.poses[0], X_WS.as_array(), atol=1e-12)
+    after = track.s >= track.legs[0].end
+    np.testing.assert_array_equal(bent.poses[after], track.poses[after])
+    moved = np.hypot(*(bent.poses - track.poses)[:, :2].T)
+    assert np.all(
+        moved <= np.maximum(1.0 - track.s / 0.4, 0.0) * (math.hypot(X.x, X.y) + 0.4 * abs(X.yaw)) + 1e-12
+    )
 
 
 def test_a_port_is_where_the_docks_put_it_seen_from_any_unit_of_the_assembly(
@@ -159,20 +178,23 @@ def test_a_port_is_where_the_docks_put_it_seen_from_any_unit_of_the_assembly(
     arriving.state, arriving.holder, arriving.enters = UnitState.UNDER_WAY, None, docks["e"]
     arriving.X_WU, arriving.track = SE2(-1.0, 1.0, 0.0), standing(units["e"].pose, at_port=True)
     for holder in "abcde":
-        place = body.docked(units[holder].destination, "rear")
         for name in "abcde":
-            seat = units[name].standing(units.values(), (holder, "rear"), body).X_WE
-            assert seat is not None
-            np.testing.assert_allclose((seat.inverse() @ place).as_array(), 0.0, atol=1e-12)
-        assert units["free"].standing(units.values(), (holder, "rear"), body).X_WE is None
-    assert units["c"].standing(units.values(), None, body).X_WE is None
+            seen = units[name].standing(units.values(), (holder, "rear"), (holder, "left"), body)
+            for seat, port in ((seen.X_WS, "rear"), (seen.X_WE, "left")):
+                assert seat is not None
+                place = body.docked(units[holder].destination, port)
+                np.testing.assert_allclose((seat.inverse() @ place).as_array(), 0.0, atol=1e-12)
+        free = units["free"].standing(units.values(), (holder, "rear"), (holder, "left"), body)
+        assert (free.X_WS, free.X_WE) == (None, None)
+    there = units["c"].standing(units.values(), None, None, body)
+    assert (there.X_WS, there.X_WE) == (None, None)
 
 
-def test_a_track_without_a_dock_leg_is_not_bent() -> None:
+def test_a_track_without_legs_at_ports_is_not_bent() -> None:
     builder = TrackBuilder(SE2(0.2, -0.1, 0.5), OFFSET)
     builder.ahead(0.5)
     track = builder.track()
-    np.testing.assert_array_equal(track.docking_at(SE2(3.0, 2.0, 1.0)).poses, track.poses)
+    np.testing.assert_array_equal(track.from_port_to_port(SE2(1.0), SE2(3.0, 2.0, 1.0)).poses, track.poses)
 
 
 def test_two_units_that_obey_never_come_too_near(setup: CoordinationSetup) -> None:
