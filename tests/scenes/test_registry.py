@@ -54,6 +54,7 @@ def test_a_misspelt_name_lists_the_nearest_and_all() -> None:
         ("fractions.nothing:Class", "No module named 'fractions.nothing'"),
         ("fractions:Nothing", "no attribute 'Nothing'"),
         ("fractions:", "no attribute ''"),
+        ("__main__:Cell", "no attribute 'Cell'. It is another one in every process: write a class"),
         (":Class", "pkg.mod:Class"),
         (".relative:Class", "pkg.mod:Class"),
     ],
