@@ -222,6 +222,8 @@ def naive_loop(scene: Scene, samples: int | None = None) -> Scene:
 def _run_timed(scene: Scene, seed: int) -> _Timing:
     profiler = StageProfiler()
     result = run_trial(scene, seed, profiler=profiler)
+    if result.outcome is Outcome.PROGRAM_FAILED:
+        raise BenchError(f"{scene.name}, seed {seed}: {result.outcome.value}, {result.reason}")
     if result.duration_s <= 0.0:
         raise BenchError(f"{scene.name}, seed {seed}: ended at once, {result.outcome.value}")
     pulls = sum(step.pull_test_passed is not None for step in result.steps)

@@ -23,6 +23,7 @@ from msrr_bullet.cli.options import (
 )
 from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
 from msrr_scenes.errors import SceneError, UnknownNameError
+from msrr_scenes.wording import counted
 
 if TYPE_CHECKING:  # loaded by the command, so that msrr --help is quick
     from rich.console import Console
@@ -105,6 +106,9 @@ def tolerance(
     if study.failures:
         code = BAD_INPUT if study.only_stopped else PROGRAM_ERROR
         raise typer.Exit(report_error("\n".join(study.failures), code))
+    if failed := study.program_failures:
+        text = f"the program of a unit failed in {counted(len(failed), 'trial')}; the first one: {failed[0]}"
+        raise typer.Exit(report_error(text, BAD_INPUT))
 
 
 def _parse_grades(text: str | None) -> list[Grade]:

@@ -57,7 +57,10 @@ class SimulatorBarrier(MetaPathFinder):
     ) -> ModuleSpec | None:
         """Raise ImportError for the packages of the simulator, and leave all others to the usual finders."""
         if fullname.partition(".")[0] in SIMULATOR:
-            raise ImportError(f"{fullname} is not available in a replay, which runs without the simulator")
+            raise ImportError(
+                f"{fullname} is not available in a replay, which runs without the simulator; keep what "
+                "imports it in a module that no replay needs, or import it inside a function"
+            )
         return None
 
     @classmethod

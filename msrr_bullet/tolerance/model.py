@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
+from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.as_built import Grade
 
 
@@ -221,8 +222,18 @@ class ToleranceStudy(StudyPart):
         """Whether every trial without a result took too long on the wall clock."""
         return all(trial.stopped for _, trial in self._without_result())
 
+    @property
+    def program_failures(self) -> list[str]:
+        """Condition and seed of every trial in which the program of a unit failed."""
+        failed = Outcome.PROGRAM_FAILED.value
+        return [f"{name}, seed {trial.seed}" for name, trial in self._trials() if trial.outcome == failed]
+
     def _without_result(self) -> Iterator[tuple[str, StudyTrial]]:
         """Yield every trial without a result, with its condition in words."""
+        yield from ((name, trial) for name, trial in self._trials() if trial.error_text)
+
+    def _trials(self) -> Iterator[tuple[str, StudyTrial]]:
+        """Yield every trial, with its condition in words."""
         conditions: list[tuple[str, Sample]] = [("as designed", self.drawn)]
         conditions += [(sample.grade, sample) for sample in self.grades]
         conditions += [
@@ -231,7 +242,7 @@ class ToleranceStudy(StudyPart):
             for sample in effect.samples
         ]
         for name, sample in conditions:
-            yield from ((name, trial) for trial in sample.trials if trial.error_text)
+            yield from ((name, trial) for trial in sample.trials)
 
     def to_json(self) -> str:
         """Return the study as indented JSON."""

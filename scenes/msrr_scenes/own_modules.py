@@ -98,7 +98,10 @@ def _place(module: ModuleType) -> str:
 
 @contextmanager
 def current_folder_importable() -> Iterator[None]:
-    """Let modules in the current folder be imported, after all others, so that they replace none of them."""
+    """Let modules in the current folder be imported, after all others, so that they replace none of them.
+
+    A module that changes the working folder changes it for no one else: runs and stores would lie elsewhere.
+    """
     folder = os.getcwd()
     sys.path.append(folder)
     try:
@@ -110,6 +113,8 @@ def current_folder_importable() -> Iterator[None]:
             if sys.path[index] == folder:
                 del sys.path[index]
                 break
+        if os.getcwd() != folder:
+            os.chdir(folder)
 
 
 def _files_of(module: str) -> list[Path]:

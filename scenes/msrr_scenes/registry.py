@@ -137,7 +137,11 @@ def _import(key: str, name: str, table: ExtensionPoint[T]) -> object:
     try:
         return attrgetter(attribute)(module)
     except AttributeError:
-        hint = f"Module {module_name!r} has no attribute {attribute!r}."
+        file = getattr(module, "__file__", None)  # it may be another one than the author of the scene thinks
+        place = f", which is {file}," if file else ""
+        hint = f"Module {module_name!r}{place} has no attribute {attribute!r}."
+        if module_name == "__main__":  # in the process of a sweep or of a replay
+            hint += " It is another one in every process: write a class of a notebook's cell to a file."
         raise UnknownNameError(table.kind, name, table, hint, key) from None
 
 

@@ -54,6 +54,13 @@ def test_one_that_was_edited_is_refused_until_it_is_reloaded(folder: Path, name:
     assert digest_of("edited_own", imported=True) == digest_of("edited_own") != before
 
 
+def test_one_that_changes_the_working_folder_changes_it_for_no_one_else(folder: Path, tmp_path: Path) -> None:
+    """Runs and stores of sweeps were written there, and their paths were told as if they were here."""
+    (folder / "edited_own.py").write_text(f"import os\nos.chdir({str(tmp_path)!r})\n")
+    import_own("edited_own")
+    assert Path.cwd() == folder
+
+
 def test_one_of_another_folder_is_refused(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

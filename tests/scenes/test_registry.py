@@ -52,8 +52,9 @@ def test_a_misspelt_name_lists_the_nearest_and_all() -> None:
     [
         ("no_such_pkg.mod:Class", "No module named 'no_such_pkg'"),
         ("fractions.nothing:Class", "No module named 'fractions.nothing'"),
-        ("fractions:Nothing", "no attribute 'Nothing'"),
+        ("fractions:Nothing", r"Module 'fractions', which is .*fractions\.py, has no attribute 'Nothing'"),
         ("fractions:", "no attribute ''"),
+        ("__main__:Cell", "no attribute 'Cell'. It is another one in every process: write a class"),
         (":Class", "pkg.mod:Class"),
         (".relative:Class", "pkg.mod:Class"),
     ],
@@ -113,8 +114,8 @@ def test_a_module_in_the_current_folder_is_found_and_replaces_none(
     monkeypatch.delitem(sys.modules, "colorsys", raising=False)
     before = list(sys.path)
     assert resolve("toys.gadget", "gadget_of_mine:Thing", TABLE).__module__ == "gadget_of_mine"
-    with pytest.raises(UnknownNameError, match="'colorsys' has no attribute 'Thing'"):  # Python's own
-        resolve("toys.gadget", "colorsys:Thing", TABLE)
+    with pytest.raises(UnknownNameError, match=r"'colorsys', which is .*, has no attribute 'Thing'"):
+        resolve("toys.gadget", "colorsys:Thing", TABLE)  # Python's own
     assert sys.path == before
 
 

@@ -10,7 +10,7 @@ import yaml
 
 from msrr_scenes.checks.problems import KeyPath, dotted
 from msrr_scenes.errors import SceneError, nearest
-from msrr_scenes.loading.yaml_document import MAX_CHARACTERS, YamlDocument, parse_value
+from msrr_scenes.loading.yaml_document import MAX_CHARACTERS, Dumper, YamlDocument, parse_value
 
 #: Key that a text stands for where a mapping may be written as a text: ``as_built: careful`` is short for
 #: ``as_built: {grade: careful}``, so that an override may give a key beside the grade.
@@ -29,8 +29,9 @@ def override_text(key: str, value: object) -> str:
     if isinstance(value, str):
         return value
     try:
-        text = yaml.safe_dump(
+        text = yaml.dump(
             _plain(value),
+            Dumper=Dumper,
             default_flow_style=True,
             width=MAX_CHARACTERS,
             allow_unicode=True,

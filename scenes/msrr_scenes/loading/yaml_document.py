@@ -21,6 +21,8 @@ MAX_VALUES = 50_000
 MAX_NUMBER = 40
 #: Numbers that YAML 1.1 has to the base 8 or 60, and YAML 1.2, and people, do not.
 _OTHER_BASE = re.compile(r"[-+]?0[0-9_]+|[-+]?[0-9][0-9_]*:.*")
+#: Numbers that YAML 1.2, and people, read as such, and YAML 1.1 as texts: ``1e-3`` has no point.
+_EXPONENT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)[eE][-+]?[0-9]+")
 #: Longest key [characters].
 MAX_KEY = 100
 
@@ -163,6 +165,14 @@ class _Composer(yaml.SafeLoader):
         node = super().compose_node(parent, index)
         self._depth -= opens
         return node
+
+
+class Dumper(yaml.SafeDumper):
+    """Writes values so that they are read again as they are: texts that look like numbers get quotes."""
+
+
+for _class in (_Composer, Dumper):
+    _class.add_implicit_resolver(_TAG + "float", _EXPONENT, list("-+.0123456789"))
 
 
 def _position(source: str, line: int, column: int) -> str:

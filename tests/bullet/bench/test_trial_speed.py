@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import mmap
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 
@@ -106,6 +107,20 @@ def test_the_guard_is_a_stage_of_its_own(shipped: Callable[..., Scene]) -> None:
 def test_a_scene_without_images_cannot_be_measured(scene: Scene) -> None:
     with pytest.raises(BenchError, match="parametric"):
         measure_trial_speed(scene.model_copy(update={"perception": "parametric"}))
+
+
+def test_a_trial_in_which_a_class_of_a_user_s_own_fails_is_not_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The figures were those of a unit that stood."""
+    (tmp_path / "broken_bench.py").write_text(
+        "from msrr_perception.estimation.corner_filter import CornerEkf\n\n\n"
+        "class Broken(CornerEkf):\n    def add_odometry(self, reading):\n        raise OSError('no file')\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    broken = load_scene("close_range", {"control.estimator": "broken_bench:Broken"})
+    with pytest.raises(BenchError, match=r"program_failed, .* broken_bench\.py line 6: .* no file"):
+        measure_trial_speed(broken)
 
 
 def test_the_memory_of_a_process_is_its_own() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.cli.app import run
-from msrr_bullet.tolerance.model import ToleranceStudy
+from msrr_bullet.tolerance.model import Sample, StudyTrial, ToleranceStudy
 
 
 @pytest.mark.parametrize(
@@ -42,6 +42,30 @@ def test_a_study_that_is_interrupted_before_any_trial_names_no_store(
     (tmp_path / "trials.sqlite").touch()
     assert run(["tolerance", "close_range", "--out", str(tmp_path)]) == 130
     assert f"The trials so far are in {tmp_path / 'trials.sqlite'}; " in capsys.readouterr().out
+
+
+def test_a_study_in_which_a_class_of_a_user_s_own_fails_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a sweep does; it ended with 0, and found that no size of any error holds."""
+    outcomes = ["docked", "program_failed", "program_failed"]
+    trials = [
+        StudyTrial(seed=seed, error=None, outcome=outcome, succeeded=seed == 0, contacts={})
+        for seed, outcome in enumerate(outcomes)
+    ]
+    study = ToleranceStudy(
+        scene="close_range",
+        told="careful",
+        versions={},
+        seeds=(0, 1, 2),
+        drawn=Sample.of(trials),
+        grades=(),
+        effects=(),
+    )
+    monkeypatch.setattr("msrr_bullet.tolerance.study.run_study", lambda *args, **options: study)
+    assert run(["tolerance", "close_range", "--out", str(tmp_path)]) == 2
+    said = "msrr: the program of a unit failed in 2 trials; the first one: as designed, seed 1\n"
+    assert capsys.readouterr().err == said
 
 
 @pytest.mark.nightly

@@ -28,6 +28,12 @@ def test_values_are_plain_and_every_path_has_its_line_and_column() -> None:
     assert document.origin(("f", "e")) == "file:4:10"  # an alias is where its anchor is
 
 
+@pytest.mark.parametrize("text", ["1e-3", "1.e-3", "+1E-3", "0.001", ".1e-2"])
+def test_a_number_with_an_exponent_is_a_number(text: str) -> None:
+    """A parameter of a class of one's own, which nothing converts, was the text ``1e-3``."""
+    assert parse_document(f"a: {text}\nb: '{text}'\n", "file").data == {"a": 1e-3, "b": text}
+
+
 def test_overrides_replace_values_and_their_lines() -> None:
     document = parse_document(TEXT, "file")
     apply_overrides(document, {"b.c.0": "[1, 2]", "g.h": "true", "b.d": "3"})
@@ -51,6 +57,7 @@ def test_overrides_replace_values_and_their_lines() -> None:
         None,
         [1, [2.5, "a"]],
         {"a": {"b": [None, "1"]}, "c": "true"},
+        {"gain": 1e-3, "text": "1e-3"},
         [],
     ],
     ids=str,
