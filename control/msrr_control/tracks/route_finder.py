@@ -99,7 +99,7 @@ class RouteFinder:
             if leaves is not None or self._begins_freely(track, request):
                 return track
             tight = tight or track
-        return tight
+        return None if request.held else tight
 
     @property
     def _corner_cut(self) -> float:
@@ -113,16 +113,16 @@ class RouteFinder:
     def _straight_first(self, request: RouteRequest) -> list[float]:
         """Return the straight ways that are tried before a route is planned: ahead > 0, back < 0 [m].
 
-        The last ones lead to where there is room to turn, beside obstacles or, back, beside units.
+        The last ones lead to where there is room to turn, beside obstacles and beside units as well.
         """
         X_WU, obstacles = request.X_WU, request.obstacles
         ways = [0.0]
+        may_drive = partial(self._planner.margins.may_drive_ahead, X_WU, obstacles)
         if any(self._is_beside(X_WU, other) for other in request.others):
-            may_drive = partial(self._planner.margins.may_drive_ahead, X_WU, obstacles)
             ways += takewhile(may_drive, _AHEAD_M)
         for discs in ((), self._discs(request)):
             way = self._way_to_turn(X_WU, discs, request)
-            if way is not None and way not in ways and (way < 0.0 or not discs):
+            if way is not None and way not in ways and (way < 0.0 or not discs or may_drive(way)):
                 ways.append(way)
         return ways
 

@@ -340,6 +340,31 @@ def test_a_unit_that_was_held_beside_its_target_drives_away_before_it_turns(setu
     assert track.legs[0].kind is LegKind.REVERSE
 
 
+@pytest.mark.parametrize(
+    ("post", "apart", "begins"),
+    [
+        (None, 0.28, {False: LegKind.PATH, True: LegKind.PATH}),
+        (None, 0.30, {False: LegKind.TURN, True: LegKind.PATH}),
+        (SE2(0.2, 0.12), 0.30, {False: LegKind.TURN, True: None}),
+    ],
+)
+def test_ahead_of_a_unit_behind_it_a_unit_drives_to_where_it_can_turn(
+    setup: CoordinationSetup, post: SE2 | None, apart: float, begins: dict[bool, LegKind | None]
+) -> None:
+    """By 5 cm, for a post may be beside that. One that was held gets no route that begins as the last one."""
+    start, goal = SE2(1.2268, 0.5055, -2.4512), SE2(0.292, 0.497, 3.1357)
+    standing = [
+        Standing("hub", goal @ SE2(0.2, 0.0, 0.0), True),
+        Standing("behind", start @ SE2(-apart, 0.03, -1.1), False),
+    ]
+    obstacles = () if post is None else (ObstacleEstimate("post", 0, start @ post, np.eye(3) * 1e-6, 0.03),)
+    for held, kind in begins.items():
+        track = setup.finder.find(
+            RouteRequest(start, goal, standing, obstacles, dock=True, enters="hub", held=held)
+        )
+        assert (None if track is None else track.legs[0].kind) is kind
+
+
 def test_what_leaves_no_route_is_told(setup: CoordinationSetup) -> None:
     finder, body = setup.finder, setup.lanes.body
     hub = SE2(0.4, 0.0, 0.0)
