@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from msrr_control.coordination.embedding import fits
 from msrr_control.coordination.goal_tolerance import DEFAULT_TOLERANCE, GoalTolerance
 from msrr_control.coordination.mission import Mission
 from msrr_control.coordination.setup import CoordinationSetup
+from msrr_control.planning.free_space import Bounds
 from msrr_control.shapes.bodies import ACTIVE_PORT
 from msrr_control.shapes.shape import Shape
 from msrr_control.shapes.tasks import plan_tasks, shape_tasks
@@ -157,8 +158,8 @@ def check_mission(scene: Scene) -> None:
         if not (x0 + room <= x <= x1 - room and y0 + room <= y <= y1 - room):
             raise SceneError(
                 f"plan.{k}.pose: ({x:g}, {y:g}) does not lie {room:g} m inside of what the overhead camera "
-                f"sees of the arena, less its errors there: x from {x0:.2f} to {x1:.2f}, y from {y0:.2f} to "
-                f"{y1:.2f}; name another place, or raise cameras.overhead.height_m"
+                f"sees of the arena: x from {x0:.2f} to {x1:.2f}, y from {y0:.2f} to {y1:.2f}; name another "
+                "place, or raise cameras.overhead.height_m"
             )
     shapes: list[Shape] = []
     for k in range(len(scene.shape or ())):
@@ -174,8 +175,8 @@ def check_mission(scene: Scene) -> None:
             with_root = " with its root where the shapes before it fit" if k else ""
             raise SceneError(
                 f"{key}: the shape and the lanes to it do not fit{with_root} into the {x1 - x0:.2f} m by "
-                f"{y1 - y0:.2f} m of the arena that the overhead camera sees, less its errors there; take "
-                "fewer units, enlarge the arena, or raise cameras.overhead.height_m"
+                f"{y1 - y0:.2f} m of the arena that the overhead camera sees; take fewer units, enlarge the "
+                "arena, or raise cameras.overhead.height_m"
             )
         mission = mission.then or mission
 
@@ -219,12 +220,21 @@ def coordination_setup(scene: Scene) -> CoordinationSetup:
     model = OverheadModel.from_scene(scene, names)
     setups = [AssemblySetup.without_target(scene, name, ACTIVE_PORT) for name in names]
     setups = [replace(setup, place_sigma=model.place_sigma(setup.unit, setup.box)) for setup in setups]
-    x0, x1, y0, y1 = zip(*(setup.box_for(params.route.border_m) for setup in setups), strict=True)
-    box = max(x0), min(x1), max(y0), min(y1)  # where every unit is seen: a large top tag is not at the edge
+    # Where every unit is seen, for a large top tag is not at the edge; and where it is surely in the arena.
+    box = _common(setup.box for setup in setups)
+    inner = _common(setup.box_for(params.route.border_m) for setup in setups)
     routes = RouteParams(params.route, params.walls, params.pace)
     retreat_m = scene.docking.retreat_m + 0.05
     distance_error, tolerance = _distance_error(scene, model), _tolerance(scene, model)
-    return CoordinationSetup.of(first, routes, box, retreat_m, setups[0].border, distance_error, tolerance)
+    return CoordinationSetup.of(
+        first, routes, box, retreat_m, setups[0].border, distance_error, tolerance, inner
+    )
+
+
+def _common(boxes: Iterable[Bounds]) -> Bounds:
+    """Return the bounds that lie inside of all others: x low, x high, y low, y high [m]."""
+    x0, x1, y0, y1 = zip(*boxes, strict=True)
+    return max(x0), min(x1), max(y0), min(y1)
 
 
 def _distance_error(scene: Scene, model: OverheadModel) -> float:

@@ -47,8 +47,9 @@ class SpawnedPool(ProcessPoolExecutor):
         """Start ``fn(*args, **kwargs)`` in a worker, which may be started for it."""
         # A process starts with the blocked signals of its parent; what it did about Ctrl-C itself, it would
         # do after its imports, which take a second.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, ())  # by itself: Ctrl-C may come amid a change
         try:
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
             return super().submit(fn, *args, **kwargs)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -272,7 +272,7 @@ class Dispatcher:
         # The unit is among them: it is to go elsewhere.
         seen = [u for u in self._units.values() if u.X_WU is not None]
         places = waiting_places(
-            self._setup.lanes, self._setup.finder.box, open_poses, seen, self.ends.obstacles
+            self._setup.lanes, self._setup.finder.inner, open_poses, seen, self.ends.obstacles
         )
         distance = np.hypot(places[:, 0] - unit.pose.x, places[:, 1] - unit.pose.y)
         for x, y in places[np.argsort(distance, kind="stable")[:_WAITING_PLACES]].tolist():

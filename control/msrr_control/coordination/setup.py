@@ -43,6 +43,7 @@ class CoordinationSetup:
         border: str = ARENA_BORDER,
         distance_error: float = 0.0,
         tolerance: GoalTolerance = DEFAULT_TOLERANCE,
+        inner: Bounds | None = None,
     ) -> CoordinationSetup:
         """Return what follows from the units' geometry and the parameters of their routes.
 
@@ -54,10 +55,10 @@ class CoordinationSetup:
             border: What ``box`` is, in words.
             distance_error: What two units that are beside each other may be nearer than they seem [m].
             tolerance: How near the end of a move a unit has to be seen.
+            inner: Bounds inside of ``box`` that routes and shapes do not leave if there is a way.
         """
         body = Body.of(geometry, distance_error)
         params = params.with_room(body.extra_gap)
         travel = Travel.of(params.pace, params.route.turn_radps)
-        return cls(
-            Lanes(body, params.route), RouteFinder(body, params, box, border), travel, retreat_m, tolerance
-        )
+        finder = RouteFinder(body, params, box, border, inner)
+        return cls(Lanes(body, params.route), finder, travel, retreat_m, tolerance)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 from msrr_control.coordination.embedding import embedding
@@ -97,16 +98,9 @@ class Siting:
         ]
         keep_out += [(o.X_WB.x, o.X_WB.y, o.radius) for o in obstacles]
         part = _part(shape, self._tasks, there, mission.named)
-        found = embedding(
-            part,
-            there,
-            lanes,
-            box,
-            self._setup.travel,
-            named=mission.named,
-            keep_out=keep_out,
-            later=mission.later_shapes,
-        )
+        fit = partial(embedding, part, there, lanes, travel=self._setup.travel)
+        fit = partial(fit, named=mission.named, keep_out=keep_out, later=mission.later_shapes)
+        found = next((place for box in self._setup.finder.boxes if (place := fit(box=box))), None)
         if found is None:
             raise SceneError("the shape and the lanes to it do not fit into the arena")
         return shape_tasks(shape, lanes, mission.named, found.X_WR), dict(found.units)

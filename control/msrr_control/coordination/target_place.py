@@ -7,7 +7,6 @@ port there may be the border of the arena, or an obstacle.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
 
 from msrr_control.coordination.embedding import embedding, grandchildren_fit
 from msrr_control.coordination.ledger import UnitRecord
@@ -44,10 +43,11 @@ def place_of_target(
     keep_out = _keep_out([unit for name, unit in units.items() if name not in there], obstacles, setup)
     ends = [t.pose for t in tasks if t.kind is TaskKind.MOVE and t.pose is not None and t.unit != target.name]
     poses = {name: unit.pose for name, unit in there.items()}
-    fit = partial(embedding, shape, poses, lanes, setup.finder.box, setup.travel, named=True)
-    found = fit(keep_out=[*keep_out, *((X.x, X.y, lanes.body.radius) for X in ends)]) or fit(
-        keep_out=keep_out
-    )
+    found = None
+    for also in ([(X.x, X.y, lanes.body.radius) for X in ends], []):
+        for box in setup.finder.boxes:
+            out = keep_out + also
+            found = found or embedding(shape, poses, lanes, box, setup.travel, named=True, keep_out=out)
     if found is None:
         return None
     # A place that the target would be taken to have reached from where it stands is not worth a move.

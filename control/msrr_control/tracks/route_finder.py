@@ -51,6 +51,7 @@ class RouteFinder:
         params: RouteParams,
         box: Bounds,
         border: str = ARENA_BORDER,
+        inner: Bounds | None = None,
     ) -> None:
         """Bind the finder to what does not change.
 
@@ -59,17 +60,30 @@ class RouteFinder:
             params: Parameters of the routes.
             box: Where units may be and are seen: x low, x high, y low, y high [m].
             border: What ``box`` is, in words.
+            inner: Bounds inside of ``box`` that routes and shapes do not leave if there is a way; None for
+                ``box``.
         """
         self.body, self.box, self._border = body, box, border
+        self.inner = box if inner is None else inner
+        self._inside = None if self.inner == box else RouteFinder(body, params, self.inner, border)
         self.spec, self._lanes = params.route, Lanes(body, params.route)
         self._planner = RoutePlanner(
             params.route, params.walls, params.pace, box, body.offset, body.half_width, border
         )
 
+    @property
+    def boxes(self) -> tuple[Bounds, ...]:
+        """Bounds inside of which a shape may be built; the first ones where it can be."""
+        return (self.box,) if self._inside is None else (self.inner, self.box)
+
     def find(self, request: RouteRequest) -> Track | None:
         """Return a track, None if there is none."""
         if self._closed_by(request) is not None:
             return None
+        inside = None if self._inside is None else self._inside.find(request)
+        return self._find(request) if inside is None else inside
+
+    def _find(self, request: RouteRequest) -> Track | None:
         X_WU, X_WE, obstacles, leaves = request.X_WU, request.X_WE, request.obstacles, request.leaves
         if X_WE is not None and not request.dock and leaves is None:
             turned = self._turn_in_place(X_WU, X_WE, request.standing)

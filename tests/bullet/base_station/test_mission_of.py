@@ -78,11 +78,11 @@ def test_routes_keep_inside_of_the_arena_by_what_a_unit_may_be_off_there() -> No
         scene = load_scene("assemble_cross", {"as_built": grade})
         setup = coordination_setup(scene)
         sigma_x, sigma_y = OverheadModel.from_scene(scene, scene.units).place_sigma("a", arena)
-        for edge, bound, sigma in zip(arena, setup.finder.box, 2 * [sigma_x] + 2 * [sigma_y], strict=True):
+        for edge, bound, sigma in zip(arena, setup.finder.inner, 2 * [sigma_x] + 2 * [sigma_y], strict=True):
             room = abs(edge - bound) + setup.lanes.spec.border_m
             assert room == pytest.approx(max(2.0 * sigma, setup.lanes.spec.border_m)), grade
     seen = {
-        g: coordination_setup(load_scene("sixteen", {"as_built": g})).finder.box
+        g: coordination_setup(load_scene("sixteen", {"as_built": g})).finder.inner
         for g in ("careful", "workshop")
     }
     assert seen["workshop"][:2] != seen["careful"][:2]

@@ -57,6 +57,7 @@ def test_a_worker_that_dies_takes_no_other_trial_with_it(
     assert [there[seed] for seed in (0, 2, 3)] == [one_trial(scene, seed) for seed in (0, 2, 3)]
 
 
+@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize(("during", "trials"), [("trial", 1), ("result", 2)])
 def test_after_ctrl_c_only_the_trials_that_are_running_end(
     during: str, trials: int, short_trial: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -365,6 +365,26 @@ def test_ahead_of_a_unit_behind_it_a_unit_drives_to_where_it_can_turn(
         assert (None if track is None else track.legs[0].kind) is kind
 
 
+def test_a_route_stays_inside_of_the_inner_bounds_if_there_is_one(setup: CoordinationSetup) -> None:
+    """A fence leaves a way along the border of the arena alone, and a unit is sent to that border."""
+    outer = setup.finder
+    x0, x1, y0, y1 = outer.box
+    inner = (x0 + 0.3, x1 - 0.3, y0 + 0.3, y1 - 0.3)
+    finder = RouteFinder(outer.body, RouteParams(), outer.box, inner=inner)
+    start, goal = SE2(-1.0, 0.2, 0.0), SE2(1.0, -0.2, 0.0)
+    ys = np.arange(y0 + 0.45, y1, 0.2)
+    fence = tuple(ObstacleEstimate(f"f{y}", 0, SE2(0.0, float(y)), np.eye(3) * 1e-6, 0.08) for y in ys)
+    for request, leaves in (
+        (RouteRequest(start, goal), False),
+        (RouteRequest(start, goal, obstacles=fence), True),
+        (RouteRequest(start, SE2(1.0, y0 + 0.2, 0.0)), True),
+    ):
+        track = finder.find(request)
+        assert track is not None
+        assert (float(track.poses[:, 1].min()) < inner[2]) is leaves
+        assert float(track.poses[:, 1].min()) > y0 + 0.09
+
+
 def test_what_leaves_no_route_is_told(setup: CoordinationSetup) -> None:
     finder, body = setup.finder, setup.lanes.body
     hub = SE2(0.4, 0.0, 0.0)
