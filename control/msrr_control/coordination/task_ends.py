@@ -58,11 +58,16 @@ class TaskEnds:
         holder = self.unit_of(task.parent)
         return None if holder is None else (holder.name, task.port)
 
-    def closing(self, X_WE: SE2, unit: str, holder: str) -> list[str]:
-        """Return who stands or will stand in the lane of a docked pose."""
-        others = [u for u in self._units.values() if u.X_WU is not None and u.name not in (unit, holder)]
-        bodies = np.array([other.destination.as_array() for other in others]).reshape(-1, 3)
-        closes = self._lanes.closes(X_WE, bodies)
+    def closing(self, X_WE: SE2, unit: str, port: tuple[str, str]) -> list[str]:
+        """Return who stands or will stand in the lane of the pose ``X_WE`` of a unit docked to a port.
+
+        Those of the same assembly are where the docks put them, wherever sight shows them and the port.
+        """
+        units, body = self._units.values(), self._lanes.body
+        others = [u for u in units if u.X_WU is not None and u.name not in (unit, port[0])]
+        seats = [other.standing(units, None, port, body).X_WE or X_WE for other in others]
+        poses = [seat.inverse() @ other.destination for seat, other in zip(seats, others, strict=True)]
+        closes = self._lanes.closes(SE2(), np.array([pose.as_array() for pose in poses]).reshape(-1, 3))
         return [other.name for other, does in zip(others, closes, strict=True) if does]
 
     def stays_closed(self, X_WE: SE2) -> bool:
@@ -115,5 +120,5 @@ class TaskEnds:
         port, taken_by = ".".join(enters), self.taken_by(enters)
         if taken_by not in (None, unit.name):
             return f"cannot dock: {port} is taken by {taken_by}"
-        closing = [] if X_WE is None else self.closing(X_WE, unit.name, enters[0])
+        closing = [] if X_WE is None else self.closing(X_WE, unit.name, enters)
         return f"cannot dock: {', '.join(closing)} closes the lane to {port}" if closing else None

@@ -438,6 +438,23 @@ def test_a_unit_that_has_stopped_short_is_docked_to_when_nobody_drives_to_where_
     assert right.name in base.under_way.values()
 
 
+@pytest.mark.parametrize("docked", [True, False])
+def test_a_neighbour_at_the_same_assembly_closes_a_lane_by_its_dock_and_not_by_sight(
+    setup: CoordinationSetup, docked: bool
+) -> None:
+    """Sight shows it 4 cm elsewhere, where it would stand in the lane to the port beside its own."""
+    body = setup.lanes.body
+    units = _units(a=A, b=B, c=body.docked(B, "left") @ SE2(0.0, -0.04, 0.0))
+    units["c"].state = UnitState.DOCKED
+    if docked:
+        units["c"].holder = ("b", "left")
+    base = Base(setup, units)
+    closed = "a cannot dock: c closes the lane to b.rear"
+    assert base.dispatcher.ends.hindrance(units["a"], body.docked(B, "rear"), ("b", "rear")) == (
+        None if docked else closed.removeprefix("a ")
+    )
+
+
 def test_hindrances_are_told_by_unit(setup: CoordinationSetup) -> None:
     base = Base(setup, _units(a=A, b=B, c=IN_LANE))
     assert base.dispatcher.hindrance(DOCK, base.tasks) == "a cannot dock: c closes the lane to b.rear"
