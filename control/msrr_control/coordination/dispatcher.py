@@ -153,9 +153,9 @@ class Dispatcher:
     def _make_way(self, tasks: TaskList, now_ns: int) -> bool:
         """Send one idle unit out of the way of the first task that has no route; return whether one goes.
 
-        One that stands in nobody's lane is sent away only where a route may come of it: first the nearest one
-        without which there is a route; if there is none, the nearest, because it may take several. Last comes
-        the unit of the task itself, if it has a route from elsewhere.
+        One that stands in nobody's lane is sent away only where a route may come of it: for the task, or for
+        its target if that has to go elsewhere first. Last comes the unit of the task itself, if it has a
+        route from elsewhere.
         """
         for task in tasks.ready():
             assigned = self.assigner.assignment(tasks).get(task.name)
@@ -179,15 +179,16 @@ class Dispatcher:
             ]
             if any(self._evade(unit, tasks, now_ns) for unit in in_the_way):
                 return True
+            own, target = self._units[assigned], None if enters is None else self._units[enters[0]]
             rest = [unit for unit in idle if unit not in in_the_way and unit.name not in partners]
-            if rest and self._reaches(self._units[assigned], task, tasks):
-                x, y = lanes[0].translation
-                rest.sort(key=lambda u: math.hypot(u.pose.x - x, u.pose.y - y))
-                alone = next((u for u in rest if self._reaches(self._units[assigned], task, tasks, u)), None)
-                rest.sort(key=lambda u: u is not alone)
-                if any(self._evade(unit, tasks, now_ns) for unit in rest):
+            if self._let_pass(own, task, lanes[0], rest, tasks, now_ns):
+                return True
+            X_WR = None if target is None else self._place_elsewhere(target, tasks)
+            if target is not None and X_WR is not None:
+                there = Task(f"place {target.name}", TaskKind.MOVE, target.name, pose=X_WR)
+                around = [unit for unit in idle if unit is not target]
+                if self._let_pass(target, there, target.pose, around, tasks, now_ns):
                     return True
-            own = self._units[assigned]
             # One that a plan sends off leaves its port for that: what is in its way may be the unit that
             # carries it, which cannot drive before.
             leaves = own.state is UnitState.DOCKED and task.unit is not None and not task.stays
@@ -196,21 +197,38 @@ class Dispatcher:
                 return True
         return False
 
-    def _moves_target(self, target: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
-        """Send a unit that stands free to where its ports can be reached; return whether it goes.
+    def _let_pass(
+        self, unit: UnitRecord, task: Task, X_WB: SE2, others: list[UnitRecord], tasks: TaskList, now_ns: int
+    ) -> bool:
+        """Send one of some others away if a unit may reach the end of a task then; return whether one goes.
 
-        That has to be before the first unit docks to it.
+        First comes the nearest to ``X_WB`` without which it does; if there is none, the nearest, because it
+        may take several.
+        """
+        if not others or not self._reaches(unit, task, tasks):
+            return False
+        others.sort(key=lambda u: math.hypot(u.pose.x - X_WB.x, u.pose.y - X_WB.y))
+        alone = next((u for u in others if self._reaches(unit, task, tasks, u)), None)
+        others.sort(key=lambda u: u is not alone)
+        return any(self._evade(other, tasks, now_ns) for other in others)
+
+    def _place_elsewhere(self, target: UnitRecord, tasks: TaskList) -> SE2 | None:
+        """Return where a unit that stands free has to stand, so that its ports can be reached.
+
+        It has to go there before the first unit docks to it. None if it cannot, or need not.
         """
         docks = [t for t in tasks.open if t.parent_unit == target.name]
         carries = any(target.name == port[0] for unit in self._units.values() for port in unit.docks)
         idle = target in self.assigner.idle() and target.evasions < _EVASIONS
         if carries or not idle:
-            return False
+            return None
         there = tasks.open, self._units, self._setup, self.ends.obstacles
         reach = all(t.unit is None or self._reaches(self._units[t.unit], t, tasks) for t in docks)
-        if reach and later_ones_fit(target, *there):
-            return False
-        X_WR = place_of_target(target, *there)
+        return None if reach and later_ones_fit(target, *there) else place_of_target(target, *there)
+
+    def _moves_target(self, target: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
+        """Send a unit that stands free to where its ports can be reached; return whether it goes."""
+        X_WR = self._place_elsewhere(target, tasks)
         if X_WR is None or not self._grant(target, X_WR, None, now_ns):
             return False
         target.task, target.evasions = None, target.evasions + 1

@@ -939,6 +939,20 @@ def test_nobody_is_led_to_where_a_target_was_to_stand(held: int, dies_s: float, 
         assert "b has failed" in status.reason
 
 
+def test_others_make_way_for_a_target_that_has_to_go_where_its_port_can_be_reached(rig: type[Rig]) -> None:
+    """It stood in the corner, with its port at the border, between those that were packed beside it."""
+    up = math.radians(90.0)
+    starts = {
+        "a": SE2(-1.8, -1.3, up),
+        "b": SE2(-1.49, -1.3, up),
+        "c": SE2(-1.8, -0.99, 0.0),
+        "d": SE2(-1.49, -0.99, -up),
+    }
+    run = rig(Mission(steps=[DockStep(unit="b", to="a.left", port="front")]), starts)
+    assert run.run().state is MissionState.COMPLETE, run.status.reason
+    assert run.joints == {"b": "a.left"}
+
+
 def test_a_target_that_the_plan_has_sent_too_near_to_the_border_is_sent_on(rig: type[Rig]) -> None:
     """The only other way would be to give up."""
     steps = [MoveStep(move="b", name="away", pose=PoseSpec(x_m=-1.55)), DockStep(unit="a", to="b.rear")]
