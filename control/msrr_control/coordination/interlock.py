@@ -9,7 +9,8 @@ import numpy as np
 
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.shapes.bodies import Body
-from msrr_control.tracks.track import Track, needed, standing
+from msrr_control.tracks.gaps import needed
+from msrr_control.tracks.track import Track, standing
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 

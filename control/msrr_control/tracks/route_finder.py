@@ -15,12 +15,13 @@ from msrr_control.planning.free_space import Bounds, Disc
 from msrr_control.planning.lane import in_lane
 from msrr_control.planning.route import ARENA_BORDER, ArenaMap
 from msrr_control.planning.route_planner import RoutePlanner
-from msrr_control.shapes.bodies import BESIDE_GAP_M, LOSS_M, Body
+from msrr_control.shapes.bodies import LOSS_M, Body
 from msrr_control.shapes.hop_rules import LEAST_WAY_OUT_M
 from msrr_control.shapes.precedence import Lanes, compose
+from msrr_control.tracks.gaps import contact_on_the_way, first_contact, is_beside
 from msrr_control.tracks.route_params import RouteParams
 from msrr_control.tracks.route_request import RouteRequest, Standing
-from msrr_control.tracks.track import GAP_M, SPACING_M, Track, TrackBuilder, first_contact
+from msrr_control.tracks.track import SPACING_M, Track, TrackBuilder
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import LegKind
@@ -107,7 +108,7 @@ class RouteFinder:
             if X_WE is not None and not self._plan(builder, X_WE, replace(request, room=room)):
                 continue
             track = builder.track()
-            if self._contact(track, request) is not None:
+            if contact_on_the_way(track, request, self.body) is not None:
                 meets = X_WE is not None
                 continue
             if leaves is not None or self._begins_freely(track, request):
@@ -132,7 +133,7 @@ class RouteFinder:
         X_WU, obstacles = request.X_WU, request.obstacles
         ways = [0.0]
         may_drive = partial(self._planner.margins.may_drive_ahead, X_WU, obstacles)
-        if any(self._is_beside(X_WU, other) for other in request.others):
+        if any(is_beside(X_WU, other, self.body) for other in request.others):
             ways += takewhile(may_drive, _AHEAD_M)
         for discs in ((), self._discs(request)):
             way = self._way_to_turn(X_WU, discs, request)
@@ -194,7 +195,7 @@ class RouteFinder:
             end = "the place in front of the port" if request.dock else "the end of its way"
             arena = self._arena(builder, request.X_WE, request)
             return f"finds no route: {self._planner.obstruction(arena, end)}"
-        contact = self._contact(builder.track(), request)
+        contact = contact_on_the_way(builder.track(), request, self.body)
         return "finds no route" if contact is None else f"finds no route past {contact[1]}"
 
     def _closed_by(self, request: RouteRequest) -> str | None:
@@ -217,49 +218,6 @@ class RouteFinder:
         left = track.length - max(progress, track.dock_start)
         return in_lane(X_WD, left, self.body.half_width, obstacles, _CLOSED_GAP_M)
 
-    def _contact(self, track: Track, request: RouteRequest) -> tuple[float, str] | None:
-        """Return where a track comes too near to what stands there, as :meth:`contact` does.
-
-        The units of the ports that are left and entered count as well, but not in the legs out of and into
-        a port.
-        """
-        partners = [s for s in request.standing if s.name in (request.leaves, request.enters)]
-        between = ~track.at_port
-        open_part = Track(track.legs, track.s[between], track.poses[between], track.at_port[between])
-        return self.contact(track, request.others) or (
-            self.contact(open_part, partners) if between.any() else None
-        )
-
-    def contact(self, track: Track, standing: Sequence[Standing]) -> tuple[float, str] | None:
-        """Return where a track first comes too near to a standing body [m], and to which; None if never.
-
-        To a body that stands beside the start it may come nearer than moving units do: into and out of a port
-        as near as neighbours are, else as near as it has been, because the collision monitor lets a unit that
-        is near only drive away.
-        """
-        start = SE2(*track.poses[0].tolist())
-        contacts: list[tuple[float, str]] = []
-        for other in standing:
-            beside = self._is_beside(start, other)
-            bent = track.from_port_to_port(other.X_WS, other.X_WE)
-            compared = _at_port(bent) if beside else bent
-            met = first_contact(compared, other.X_WB, other.at_port or beside, self.body)
-            lost = self._first_loss(track, other) if beside else None
-            contacts += [(s, other.name) for s in (met, lost) if s is not None]
-        return min(contacts, key=lambda contact: contact[0], default=None)
-
-    def _is_beside(self, X_WU: SE2, other: Standing) -> bool:
-        """Return whether a body stands so near that a unit may come too near to it by a turn on the spot."""
-        apart = math.hypot(other.X_WB.x - X_WU.x, other.X_WB.y - X_WU.y)
-        return apart < 2.0 * self.body.radius + GAP_M + self.body.extra_gap
-
-    def _first_loss(self, track: Track, other: Standing) -> float | None:
-        """Return where a track in the open comes nearer to a body that is near [m]; None if it never does."""
-        gaps = self.body.gaps(track.poses, other.X_WB.as_array())
-        kept = np.minimum(np.maximum.accumulate(gaps), BESIDE_GAP_M + self.body.extra_gap) - LOSS_M
-        lost = (gaps < kept) & ~track.at_port
-        return float(track.s[lost.argmax()]) if lost.any() else None
-
     def _turn_in_place(self, X_WU: SE2, X_WE: SE2, standing: Sequence[Standing]) -> Track | None:
         """Return a turn on the spot where that is all that is needed and there is room."""
         if math.hypot(X_WE.x - X_WU.x, X_WE.y - X_WU.y) > STANDS_THERE_M:
@@ -267,7 +225,7 @@ class RouteFinder:
         builder = TrackBuilder(X_WU, self.body.offset)
         builder.turn_to(X_WE.yaw)
         track = builder.track()
-        return track if self.contact(track, standing) is None else None
+        return track if first_contact(track, standing, self.body) is None else None
 
     def _plan(self, builder: TrackBuilder, X_WE: SE2, request: RouteRequest) -> bool:
         """Append the route from where the builder stands; return whether there is one."""
@@ -324,7 +282,3 @@ class RouteFinder:
         """Return the circles about the units that stand there."""
         radius = self.body.radius + request.room
         return tuple(Disc(s.name, s.X_WB.x, s.X_WB.y, radius) for s in request.standing)
-
-
-def _at_port(track: Track) -> Track:
-    return Track(track.legs, track.s, track.poses, np.ones(len(track.s), dtype=np.bool_))

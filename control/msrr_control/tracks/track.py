@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from msrr_control.path_following.path import Path
-from msrr_control.shapes.bodies import Body
 from msrr_control.shapes.precedence import compose
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
@@ -23,15 +22,6 @@ _STEP_M = 0.01
 
 #: Stretch on which the controlled point comes onto a path beside which it begins [m].
 _MERGE_M = 0.2
-
-#: Gap that moving bodies keep from others [m]: on the way, what the collision monitors keep (30 mm), what
-#: they may be nearer than they seem (11 mm), and as far as two of them overshoot where they stop (12 mm
-#: each); in a leg into or out of a port, where a unit swings about its path by some centimetres; and between
-#: two at ports, where both are to be near. On the way and in such a leg it grows where distances are known
-#: less well.
-GAP_M = 0.065
-LANE_GAP_M = 0.09
-PORT_GAP_M = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,39 +263,3 @@ def track_of(legs: Sequence[RouteLeg], X_WU: SE2, offset: float) -> Track:
 def standing(X_WU: SE2, at_port: bool = False) -> Track:
     """Return the track of a unit that stays where it stands."""
     return Track((), np.zeros(1), X_WU.as_array()[None], np.array([at_port]))
-
-
-def needed(earlier: Track, later: Track, body: Body) -> Array:
-    """Return how far the earlier unit has to be for the later one to pass each sample of its own track.
-
-    Args:
-        earlier: Track of the unit that goes first.
-        later: Track of the one that keeps out of what the other still has to drive.
-        body: Form of both.
-
-    Returns:
-        Arc lengths on the earlier track, not descending, shape (N,) [m]; infinite where the earlier one never
-        gets out of the way.
-    """
-    in_lane = (earlier.at_port & bool(earlier.legs))[:, None] | (later.at_port & bool(later.legs))[None]
-    both_at_port = earlier.at_port[:, None] & later.at_port[None]
-    gap = np.where(both_at_port, PORT_GAP_M, np.where(in_lane, LANE_GAP_M, GAP_M) + body.extra_gap)
-    near = body.near(earlier.poses[:, None], later.poses[None], gap)
-    passed = np.append(earlier.s[1:], math.inf)
-    last = len(earlier.s) - 1 - near[::-1].argmax(axis=0)
-    until = np.where(near.any(axis=0), passed[last], -math.inf)
-    result: Array = np.maximum.accumulate(until)
-    return result
-
-
-def first_contact(track: Track, X_WB: SE2, at_port: bool, body: Body) -> float | None:
-    """Return where a track first comes too near to a standing body [m]; None if it never does.
-
-    Args:
-        track: The track.
-        X_WB: Pose of the standing body.
-        at_port: Whether that stands at a port.
-        body: Form of both.
-    """
-    until = needed(standing(X_WB, at_port), track, body)
-    return float(track.s[np.searchsorted(until, math.inf)]) if until[-1] == math.inf else None

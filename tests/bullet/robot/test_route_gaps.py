@@ -13,7 +13,7 @@ from msrr_bullet.robot.collision_monitor import CollisionMonitor
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_control.staging.parameters import AssemblyParams
 from msrr_control.staging.setup import AssemblySetup
-from msrr_control.tracks.track import GAP_M
+from msrr_control.tracks.gaps import GAP_M
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.tracking.arena_tracker import ArenaTracker
 from msrr_scenes.geometry.se2 import SE2

@@ -10,7 +10,8 @@ import pytest
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.waiting_places import WAITING_ROOM_M, waiting_places
-from msrr_control.tracks.track import GAP_M, TrackBuilder
+from msrr_control.tracks.gaps import GAP_M
+from msrr_control.tracks.track import TrackBuilder
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import UnitState

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from msrr_control.coordination.setup import CoordinationSetup
+from msrr_control.tracks.gaps import GAP_M, first_contact
 from msrr_control.tracks.route_finder import RouteFinder
 from msrr_control.tracks.route_params import RouteParams
 from msrr_control.tracks.route_request import RouteRequest, Standing
-from msrr_control.tracks.track import GAP_M, TrackBuilder
+from msrr_control.tracks.track import TrackBuilder
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import ObstacleEstimate
 from msrr_scenes.messages.coordination import LegKind
@@ -212,7 +213,7 @@ def test_beside_the_border_a_unit_turns_where_it_is_to_stand(setup: Coordination
     assert track is not None
     gaps = finder.body.gaps_to_disc(track.poses, post.X_WB.x, post.X_WB.y, post.radius)
     assert gaps.min() > 0.045
-    assert finder.contact(track, standing) is None
+    assert first_contact(track, standing, finder.body) is None
 
 
 def test_into_a_corner_and_out_of_it_there_is_a_route(setup: CoordinationSetup) -> None:
@@ -246,27 +247,6 @@ def test_an_obstacle_in_a_lane_counts_until_the_unit_has_passed_it(setup: Coordi
     for x, progress, meets in ((-0.3, 0.0, True), (-0.3, 0.95, False), (-0.3, 0.6, True), (-0.9, 0.0, False)):
         post = ObstacleEstimate("post", 0, SE2(x, 0.0, 0.0), np.eye(3) * 1e-6, 0.05)
         assert finder.ahead_in_lane(track, progress, (post,)) == ("post" if meets else None)
-
-
-def test_of_all_that_a_track_meets_the_first_is_told(setup: CoordinationSetup) -> None:
-    builder = TrackBuilder(SE2(-1.0, 0.0, 0.0), setup.lanes.body.offset)
-    builder.ahead(1.6)
-    near, far = Standing("z", SE2(-0.2, 0.1, 0.3), False), Standing("a", SE2(0.4, -0.1, 0.3), False)
-    for both in ((near, far), (far, near)):
-        contact = setup.finder.contact(builder.track(), both)
-        assert contact is not None
-        assert contact[1] == "z"
-
-
-def test_a_dock_leg_is_compared_where_the_docks_put_its_port(setup: CoordinationSetup) -> None:
-    """Sight shows the port 4 cm off; the neighbour is where the unit would dock if sight were right."""
-    body = setup.lanes.body
-    builder = TrackBuilder(SE2(-0.7, 0.0, 0.0), body.offset)
-    builder.dock(SE2(), 0.7)
-    neighbour = SE2(0.0, 2.0 * body.half_width + 0.03, 0.0)
-    for seat, meets in ((None, False), (SE2(0.0, -0.04, 0.0), False), (SE2(0.0, 0.04, 0.0), True)):
-        other = Standing("other", neighbour, True, X_WE=seat)
-        assert (setup.finder.contact(builder.track(), [other]) is not None) is meets
 
 
 def test_a_unit_leaves_its_port_beside_a_neighbour_wherever_sight_shows_both(

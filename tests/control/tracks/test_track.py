@@ -1,9 +1,8 @@
-"""Tracks: the axle trails the controlled point, and two units that obey `needed` never meet."""
+"""Tracks: the axle trails the controlled point, and legs at ports bend to where the ports are."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,16 +10,10 @@ import pytest
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.path_following.path import Path
-from msrr_control.tracks.route_request import RouteRequest, Standing
 from msrr_control.tracks.track import (
-    GAP_M,
-    LANE_GAP_M,
-    PORT_GAP_M,
     SPACING_M,
     Track,
     TrackBuilder,
-    first_contact,
-    needed,
     standing,
     track_of,
 )
@@ -195,64 +188,6 @@ def test_a_track_without_legs_at_ports_is_not_bent() -> None:
     builder.ahead(0.5)
     track = builder.track()
     np.testing.assert_array_equal(track.from_port_to_port(SE2(1.0), SE2(3.0, 2.0, 1.0)).poses, track.poses)
-
-
-def test_two_units_that_obey_never_come_too_near(setup: CoordinationSetup) -> None:
-    """Law: wherever both may be at once, and wherever the earlier one still goes, their bodies are apart."""
-    rng, finder, body = np.random.default_rng(5), setup.finder, setup.lanes.body
-    crossed = 0
-    for _ in range(12):
-        starts = [SE2(*rng.uniform([-1.6, -1.1, -3.0], [1.6, 1.1, 3.0])) for _ in range(2)]
-        ends = [SE2(*rng.uniform([-1.4, -0.9, -3.0], [1.4, 0.9, 3.0])) for _ in range(2)]
-        others = [Standing("other", starts[1], False)], [Standing("first", ends[0], False)]
-        if math.hypot(starts[0].x - starts[1].x, starts[0].y - starts[1].y) < 0.4:
-            continue
-        tracks = [finder.find(RouteRequest(starts[k], ends[k], others[k])) for k in range(2)]
-        if tracks[0] is None or tracks[1] is None:
-            continue
-        earlier, later = tracks[0], tracks[1]
-        until = needed(earlier, later, body)
-        assert (np.diff(np.nan_to_num(until, neginf=-9.0)) >= 0.0).all()
-        crossed += bool((until > 0.0).any())
-        for s in (*rng.uniform(0.0, earlier.length, 12), *earlier.s[1::7], earlier.length):
-            allowed = until <= s
-            ahead = earlier.poses[earlier.s >= s]
-            assert not body.near(ahead[:, None], later.poses[allowed][None], GAP_M).any()
-            # Just as needed, no more: the first sample that is not allowed would come too near.
-            if not allowed.all():
-                behind = earlier.poses[np.searchsorted(earlier.s, s) - 1 :]
-                refused = later.poses[: int(allowed.sum()) + 1][-1:]
-                assert body.near(behind[:, None], refused[None], GAP_M).any()
-    assert crossed >= 3
-
-
-def test_a_body_on_a_track_is_found_where_it_stands(setup: CoordinationSetup) -> None:
-    builder = TrackBuilder(SE2(-1.0, 0.0, 0.0), OFFSET)
-    builder.follow(Path(np.array([-1.0, 0.0, 0.0]), np.zeros(1), np.array([2.0])))
-    track, body = builder.track(), setup.lanes.body
-    near = SE2(0.5, 0.1, 0.3)
-    found = first_contact(track, near, False, body)
-    assert found is not None
-    assert body.gap(track.at(found), near) < GAP_M
-    assert body.gap(track.at(found - 2.0 * SPACING_M), near) >= GAP_M > PORT_GAP_M
-    assert first_contact(track, SE2(0.0, 1.0), False, body) is None
-
-
-@pytest.mark.parametrize("extra", [0.0, 0.03])
-def test_the_gap_that_is_kept_is_that_of_where_both_are(setup: CoordinationSetup, extra: float) -> None:
-    """It is widest in a dock leg, least between two at ports; bodies known less well stay farther apart."""
-    body = replace(setup.lanes.body, extra_gap=extra)
-    lane, drive = TrackBuilder(SE2(), OFFSET), TrackBuilder(SE2(), OFFSET)
-    lane.dock(SE2(0.7, 0.0, 0.0), 0.7)
-    drive.ahead(0.7)
-    for track, at_port, gap in (
-        (drive.track(), False, GAP_M + extra),
-        (lane.track(), False, LANE_GAP_M + extra),
-        (lane.track(), True, PORT_GAP_M),
-    ):
-        for off, meets in ((-0.002, True), (0.002, False)):
-            beside = SE2(0.7, 2.0 * body.half_width + gap + off, 0.0)
-            assert (first_contact(track, beside, at_port, body) is not None) is meets
 
 
 def test_a_seen_pose_is_found_on_its_track_and_nowhere_else() -> None:
