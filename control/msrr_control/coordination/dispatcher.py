@@ -12,6 +12,7 @@ from msrr_control.coordination.assigner import Assigner
 from msrr_control.coordination.interlock import Interlock, clear_of_tracks
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
+from msrr_control.coordination.standing_units import standing_unit
 from msrr_control.coordination.target_place import later_ones_fit, place_of_target
 from msrr_control.coordination.task_ends import TaskEnds
 from msrr_control.coordination.task_list import TaskList
@@ -140,7 +141,7 @@ class Dispatcher:
         return RouteRequest(
             unit.pose,
             X_WE,
-            [other.standing(units, unit.holder, enters, self._setup.lanes.body) for other in others],
+            [standing_unit(o, units, unit.holder, enters, self._setup.lanes.body) for o in others],
             self.ends.obstacles,
             dock=enters is not None,
             leaves=None if unit.holder is None else unit.holder[0],

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable
 import numpy as np
 
 from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.standing_units import standing_unit
 from msrr_control.shapes.bodies import Body
 from msrr_control.tracks.gaps import needed
 from msrr_control.tracks.track import Track, standing
@@ -88,7 +89,7 @@ class Interlock:
             key = (other.name, -other.still_ns, unit.name, unit.route)
             if key not in self._needed:
                 leaves = unit.holder if unit.unlocks else None
-                body = other.standing(units, leaves, unit.enters, self._body)
+                body = standing_unit(other, units, leaves, unit.enters, self._body)
                 bent = track.from_port_to_port(body.X_WS, body.X_WE)
                 self._needed[key] = needed(standing(body.X_WB, body.at_port), bent, self._body)
             clear = np.isneginf(self._needed[key])

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from msrr_control.shapes.bodies import ACTIVE_PORT, Body
-from msrr_control.tracks.route_request import Standing
+from msrr_control.shapes.bodies import ACTIVE_PORT
 from msrr_control.tracks.track import Track, standing
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose
@@ -204,48 +203,6 @@ class UnitRecord:
     def destination(self) -> SE2:
         """Where the unit stands at the end of its route; where it is without one."""
         return self.track.end if self.under_way and self.track is not None else self.pose
-
-    def standing(
-        self,
-        units: Collection[UnitRecord],
-        leaves: tuple[str, str] | None,
-        enters: tuple[str, str] | None,
-        body: Body,
-    ) -> Standing:
-        """Return the body for the planning of another unit: at the end of its route, or where it is.
-
-        Args:
-            units: All units, of which some may be docked to this one, or be on the way there.
-            leaves: Unit and port at which the other one's track begins; None in the open.
-            enters: Unit and port at which it ends; None in the open.
-            body: Form of the units.
-        """
-        X_WS, X_WE = (None if port is None else self._seat(port, units, body) for port in (leaves, enters))
-        if self.under_way:
-            return Standing(self.name, self.destination, self.enters is not None, X_WS, X_WE)
-        holds = any(self.name == port[0] for other in units for port in other.docks)
-        docked = bool(self.docks) or self.state is UnitState.DOCKED
-        return Standing(self.name, self.pose, holds or docked, X_WS, X_WE)
-
-    def _seat(self, port: tuple[str, str], units: Iterable[UnitRecord], body: Body) -> SE2 | None:
-        """Return the pose of a unit docked to a port of the assembly of this one, as seen from this one.
-
-        Sight errs by centimetres for one that has just stopped, pins and holes by less than a millimetre: the
-        way from here to the port goes from dock to dock, of which some may be yet to come. None if none does.
-        """
-        docks = {u.name: dock for u in units if (dock := u.enters if u.under_way else u.holder) is not None}
-        poses = {self.name: self.destination}
-        while port[0] not in poses:
-            found = {}
-            for unit, (holder, slot) in docks.items():
-                if holder in poses and unit not in poses:
-                    found[unit] = body.docked(poses[holder], slot)
-                elif unit in poses and holder not in poses:
-                    found[holder] = poses[unit] @ body.docked(SE2(), slot).inverse()
-            if not found:
-                return None
-            poses |= found
-        return body.docked(poses[port[0]], port[1])
 
     @property
     def docks(self) -> tuple[tuple[str, str], ...]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
+from msrr_control.coordination.standing_units import standing_unit
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.shapes.tasks import Task, TaskKind, TaskState
 from msrr_scenes.geometry.se2 import SE2
@@ -65,7 +66,7 @@ class TaskEnds:
         """
         units, body = self._units.values(), self._lanes.body
         others = [u for u in units if u.X_WU is not None and u.name not in (unit, port[0])]
-        seats = [other.standing(units, None, port, body).X_WE or X_WE for other in others]
+        seats = [standing_unit(other, units, None, port, body).X_WE or X_WE for other in others]
         poses = [seat.inverse() @ other.destination for seat, other in zip(seats, others, strict=True)]
         closes = self._lanes.closes(SE2(), np.array([pose.as_array() for pose in poses]).reshape(-1, 3))
         return [other.name for other, does in zip(others, closes, strict=True) if does]

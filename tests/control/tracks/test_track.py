@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from msrr_control.coordination.ledger import UnitRecord
-from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.path_following.path import Path
 from msrr_control.tracks.track import (
     SPACING_M,
@@ -155,32 +154,6 @@ def test_a_leg_out_of_a_port_that_is_bent_begins_at_the_port_and_ends_where_it_e
     assert np.all(
         moved <= np.maximum(1.0 - track.s / 0.4, 0.0) * (math.hypot(X.x, X.y) + 0.4 * abs(X.yaw)) + 1e-12
     )
-
-
-def test_a_port_is_where_the_docks_put_it_seen_from_any_unit_of_the_assembly(
-    setup: CoordinationSetup,
-) -> None:
-    """One that is on its way counts with the port that it enters, one in the open belongs to no assembly."""
-    body, X = setup.lanes.body, SE2(0.3, -0.2, 0.7)
-    docks = {"b": ("a", "left"), "c": ("b", "rear"), "d": ("a", "right"), "e": ("d", "rear")}
-    units = {"a": UnitRecord("a", X_WU=X, state=UnitState.DOCKED), "free": UnitRecord("free", X_WU=SE2())}
-    for name, (holder, port) in docks.items():
-        X_WU = body.docked(units[holder].destination, port)
-        units[name] = UnitRecord(name, X_WU=X_WU, state=UnitState.DOCKED, holder=(holder, port))
-    arriving = units["e"]
-    arriving.state, arriving.holder, arriving.enters = UnitState.UNDER_WAY, None, docks["e"]
-    arriving.X_WU, arriving.track = SE2(-1.0, 1.0, 0.0), standing(units["e"].pose, at_port=True)
-    for holder in "abcde":
-        for name in "abcde":
-            seen = units[name].standing(units.values(), (holder, "rear"), (holder, "left"), body)
-            for seat, port in ((seen.X_WS, "rear"), (seen.X_WE, "left")):
-                assert seat is not None
-                place = body.docked(units[holder].destination, port)
-                np.testing.assert_allclose((seat.inverse() @ place).as_array(), 0.0, atol=1e-12)
-        free = units["free"].standing(units.values(), (holder, "rear"), (holder, "left"), body)
-        assert (free.X_WS, free.X_WE) == (None, None)
-    there = units["c"].standing(units.values(), None, None, body)
-    assert (there.X_WS, there.X_WE) == (None, None)
 
 
 def test_a_track_without_legs_at_ports_is_not_bent() -> None:
