@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 
+from msrr_control.coordination.assemblies import locate
 from msrr_control.coordination.dispatcher import Dispatcher
 from msrr_control.coordination.interlock import Interlock
 from msrr_control.coordination.ledger import UnitRecord
@@ -50,7 +51,7 @@ class Coordinator:
         """
         self._setup, self._patience = setup, Patience()
         self._units = {name: UnitRecord(name, retreat_m=setup.retreat_m) for name in units}
-        self._interlock = Interlock(setup.lanes.body)
+        self._interlock = Interlock(self._units, setup.lanes.body)
         self._dispatcher = Dispatcher(setup, self._units, self._interlock, mission.one_by_one)
         check_shapes(mission, setup.lanes)
         for name, port in mission.holders.items():
@@ -106,6 +107,7 @@ class Coordinator:
             self._watch.advance(now_ns)
         if self._state is MissionState.RUNNING:
             changed, missed = self._states.update(self._tasks, now_ns)
+            locate(self._units, self._setup.lanes.body)
             self._changed |= changed
             for _ in range(missed):
                 self._plan_anew(now_ns)
@@ -248,7 +250,7 @@ class Coordinator:
         """Let everybody drive as far as the others allow, the first in order first."""
         for unit in sorted(self._units.values(), key=lambda u: u.order):
             if unit.under_way and (unit.task is None or self._tasks.lost_base(unit.task) is None):
-                self._interlock.extend(unit, self._units.values())
+                self._interlock.extend(unit)
 
     def _conclude(self, now_ns: int) -> None:
         """End the mission if everything is done, or give up what nobody can do."""

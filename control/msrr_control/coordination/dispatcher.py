@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from msrr_control.coordination.assemblies import standing_unit
 from msrr_control.coordination.assigner import Assigner
 from msrr_control.coordination.interlock import Interlock, clear_of_tracks
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
-from msrr_control.coordination.standing_units import standing_unit
 from msrr_control.coordination.target_place import later_ones_fit, place_of_target
 from msrr_control.coordination.task_ends import TaskEnds
 from msrr_control.coordination.task_list import TaskList
@@ -141,7 +141,7 @@ class Dispatcher:
         return RouteRequest(
             unit.pose,
             X_WE,
-            [standing_unit(o, units, unit.holder, enters, self._setup.lanes.body) for o in others],
+            [standing_unit(other, units) for other in others],
             self.ends.obstacles,
             dock=enters is not None,
             leaves=None if unit.holder is None else unit.holder[0],

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from msrr_control.coordination.assemblies import is_same_place, standing_unit
 from msrr_control.coordination.ledger import UnitRecord
-from msrr_control.coordination.standing_units import standing_unit
 from msrr_control.shapes.bodies import Body
 from msrr_control.tracks.gaps import needed
 from msrr_control.tracks.track import Track, standing
 from msrr_scenes.arrays import Array
-from msrr_scenes.geometry.se2 import SE2, wrap_angle
-
-#: Distance and angle of a port from where a route into it ends up to which that route leads there [m], [rad]:
-#: what docks push and turn an assembly by while it grows.
-_SAME_PORT_M, _SAME_PORT_RAD = 0.1, 0.2
+from msrr_scenes.geometry.se2 import SE2
 
 
 class Interlock:
     """Finds how far every unit may drive: the later keeps out of what the earlier still has to drive."""
 
-    def __init__(self, body: Body) -> None:
-        """Begin with no tracks compared."""
-        self._body = body
+    def __init__(self, units: Mapping[str, UnitRecord], body: Body) -> None:
+        """Bind to the ledger, whose limits are set, with no tracks compared."""
+        self._units, self._body = units, body
         self._needed: dict[tuple[str, int, str, int], Array] = {}
 
     def needed(self, earlier: UnitRecord, later: UnitRecord) -> Array:
@@ -34,23 +29,23 @@ class Interlock:
         assert later.track is not None
         key = (earlier.name, earlier.route, later.name, later.route)
         if key not in self._needed:
-            self._needed[key] = needed(earlier.track, later.track, self._body)
+            self._needed[key] = needed(self._to_ports(earlier), self._to_ports(later), self._body)
         return self._needed[key]
 
     def forget(self, name: str) -> None:
         """Drop what was computed for a unit's earlier routes."""
         self._needed = {key: value for key, value in self._needed.items() if name not in (key[0], key[2])}
 
-    def extend(self, unit: UnitRecord, units: Collection[UnitRecord]) -> None:
+    def extend(self, unit: UnitRecord) -> None:
         """Extend the limit of a unit, which has a track, as far as the others allow; it never shrinks."""
         track = unit.track
         assert track is not None
         free, blocker = track.length, None
-        parent_holds = all(self.holds(other, unit) for other in units if _enters(unit, other))
-        for other in units:
+        parent_holds = unit.enters is None or self.holds(self._units[unit.enters[0]], unit)
+        for other in self._units.values():
             if other.name == unit.name:
                 continue
-            limit = self._limit_by(other, unit, track, units)
+            limit = self._limit_by(other, unit, track)
             if limit < free:
                 free, blocker = limit, other.name
         if unit.unlocks and free < track.legs[0].end:
@@ -69,12 +64,19 @@ class Interlock:
         """
         if unit.enters is None or unit.track is None or parent.under_way or parent.out_of_action:
             return False
-        off = unit.track.end.inverse() @ self._body.docked(parent.pose, unit.enters[1])
-        return math.hypot(off.x, off.y) <= _SAME_PORT_M and abs(wrap_angle(off.yaw)) <= _SAME_PORT_RAD
+        return is_same_place(unit.track.end, self._body.docked(parent.pose, unit.enters[1]))
 
-    def _limit_by(
-        self, other: UnitRecord, unit: UnitRecord, track: Track, units: Collection[UnitRecord]
-    ) -> float:
+    def _to_ports(self, unit: UnitRecord) -> Track:
+        """Return the track of a unit, its ends moved to where by now its ports are."""
+        assert unit.track is not None
+        X_WS = None
+        if unit.unlocks and unit.holder is not None and self._units[unit.holder[0]].X_WU is not None:
+            X_WS = self._body.docked(self._units[unit.holder[0]].pose, unit.holder[1])
+            if not is_same_place(X_WS, unit.track.at(0.0)):
+                X_WS = None
+        return unit.track.from_port_to_port(X_WS, unit.seat)
+
+    def _limit_by(self, other: UnitRecord, unit: UnitRecord, track: Track) -> float:
         """Return the limit that another unit imposes [m]."""
         if unit.unlocks and other.holder is not None and other.holder[0] == unit.name:
             return -1.0
@@ -84,14 +86,13 @@ class Interlock:
             clear = self.needed(other, unit) <= other.passed
         elif other.X_WU is not None and other.still_ns > unit.granted_ns:
             # It stopped where this route was not planned around it.
-            if _enters(unit, other) and self.holds(other, unit):
+            if unit.enters is not None and unit.enters[0] == other.name and self.holds(other, unit):
                 return track.length
             key = (other.name, -other.still_ns, unit.name, unit.route)
             if key not in self._needed:
-                leaves = unit.holder if unit.unlocks else None
-                body = standing_unit(other, units, leaves, unit.enters, self._body)
-                bent = track.from_port_to_port(body.X_WS, body.X_WE)
-                self._needed[key] = needed(standing(body.X_WB, body.at_port), bent, self._body)
+                body = standing_unit(other, self._units.values())
+                there = standing(body.X_WB, body.at_port)
+                self._needed[key] = needed(there, self._to_ports(unit), self._body)
             clear = np.isneginf(self._needed[key])
         else:
             return track.length
@@ -99,10 +100,6 @@ class Interlock:
         if count == len(track.s):
             return track.length
         return float(track.s[count - 1]) if count > 0 else -1.0
-
-
-def _enters(unit: UnitRecord, other: UnitRecord) -> bool:
-    return unit.enters is not None and unit.enters[0] == other.name
 
 
 def clear_of_tracks(X_WU: SE2, unit: UnitRecord, units: Iterable[UnitRecord], body: Body) -> bool:

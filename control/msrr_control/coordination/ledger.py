@@ -28,7 +28,9 @@ class UnitRecord:
 
     Attributes:
         name: Name of the unit.
-        X_WU: Pose that was seen last; None before the first.
+        X_WU: Pose that was seen last, in a port the one that all sights of the assembly and its docks give
+            together; None before the first.
+        sight: What was seen of it last; None if it has moved since, or was never seen.
         seen_ns: Time of the exposure in which it was seen last.
         report: Newest report; None before the first.
         heard_ns: Time at which the unit was last heard.
@@ -45,6 +47,7 @@ class UnitRecord:
         still_ns: Time from which on it stands still for others, with a pose that they were not told of.
         holder: Unit and port that it is locked to; None if it is free.
         enters: Unit and port at which its route ends; None in the open.
+        seat: Pose in that port by the newest estimate of where it is; None if that is elsewhere.
         unlocks: Whether its route begins in a port.
         blocked_by: Unit for which it waits.
         seq: Number of the last authority.
@@ -58,6 +61,7 @@ class UnitRecord:
 
     name: str
     X_WU: SE2 | None = None
+    sight: GlobalPose | None = None
     seen_ns: int = 0
     report: UnitReport | None = None
     heard_ns: int = 0
@@ -74,6 +78,7 @@ class UnitRecord:
     still_ns: int = 0
     holder: tuple[str, str] | None = None
     enters: tuple[str, str] | None = None
+    seat: SE2 | None = None
     unlocks: bool = False
     blocked_by: str | None = None
     seq: int = 0
@@ -163,7 +168,7 @@ class UnitRecord:
 
     def observe(self, body: GlobalPose, now_ns: int) -> None:
         """Take in where the unit was seen."""
-        self.X_WU, self.seen_ns = body.X_WB, body.stamp_ns
+        self.X_WU, self.sight, self.seen_ns = body.X_WB, body, body.stamp_ns
         if self.track is None or not self.under_way:
             return
         report = self.report
@@ -182,12 +187,13 @@ class UnitRecord:
         """Begin a route, on which the unit may not drive yet."""
         self.state, self.route, self.order, self.track = UnitState.UNDER_WAY, self.route + 1, order, track
         self.limit, self.progress, self.patient_ns, self.granted_ns = -1.0, 0.0, now_ns, now_ns
-        self.enters, self.unlocks, self.held, self.reason = enters, self.holder is not None, False, ""
+        self.enters, self.seat, self.unlocks = enters, None, self.holder is not None
+        self.held, self.reason = False, ""
 
     def stand(self, now_ns: int, reason: str, state: UnitState | None = None) -> None:
         """End the route of a unit that stands still, idle or docked unless another state is given."""
         if self.track is not None and self.seen_ns < self.moved_ns:
-            self.X_WU = self.track.at(self.progress)  # not seen since it came there
+            self.X_WU, self.sight = self.track.at(self.progress), None  # not seen since it came there
         self.state = state or (UnitState.IDLE if self.holder is None else UnitState.DOCKED)
         self.still_ns, self.reason, self.blocked_by = now_ns, reason, None
 
@@ -202,7 +208,9 @@ class UnitRecord:
     @property
     def destination(self) -> SE2:
         """Where the unit stands at the end of its route; where it is without one."""
-        return self.track.end if self.under_way and self.track is not None else self.pose
+        if not self.under_way or self.track is None:
+            return self.pose
+        return self.seat or self.track.end
 
     @property
     def docks(self) -> tuple[tuple[str, str], ...]:

@@ -8,7 +8,6 @@ import numpy as np
 
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
-from msrr_control.coordination.standing_units import standing_unit
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.shapes.tasks import Task, TaskKind, TaskState
 from msrr_scenes.geometry.se2 import SE2
@@ -60,15 +59,10 @@ class TaskEnds:
         return None if holder is None else (holder.name, task.port)
 
     def closing(self, X_WE: SE2, unit: str, port: tuple[str, str]) -> list[str]:
-        """Return who stands or will stand in the lane of the pose ``X_WE`` of a unit docked to a port.
-
-        Those of the same assembly are where the docks put them, wherever sight shows them and the port.
-        """
-        units, body = self._units.values(), self._lanes.body
-        others = [u for u in units if u.X_WU is not None and u.name not in (unit, port[0])]
-        seats = [standing_unit(other, units, None, port, body).X_WE or X_WE for other in others]
-        poses = [seat.inverse() @ other.destination for seat, other in zip(seats, others, strict=True)]
-        closes = self._lanes.closes(SE2(), np.array([pose.as_array() for pose in poses]).reshape(-1, 3))
+        """Return who stands or will stand in the lane of the pose ``X_WE`` of a unit docked to a port."""
+        others = [u for u in self._units.values() if u.X_WU is not None and u.name not in (unit, port[0])]
+        poses = np.array([other.destination.as_array() for other in others]).reshape(-1, 3)
+        closes = self._lanes.closes(X_WE, poses)
         return [other.name for other, does in zip(others, closes, strict=True) if does]
 
     def stays_closed(self, X_WE: SE2) -> bool:

@@ -102,8 +102,7 @@ def first_contact(track: Track, others: Sequence[Standing], body: Body) -> tuple
     contacts: list[tuple[float, str]] = []
     for other in others:
         beside = is_beside(start, other, body)
-        bent = track.from_port_to_port(other.X_WS, other.X_WE)
-        compared = _at_port(bent) if beside else bent
+        compared = _at_port(track) if beside else track
         met = first_near(compared, other.X_WB, other.at_port or beside, body)
         lost = _first_loss(track, other, body) if beside else None
         contacts += [(s, other.name) for s in (met, lost) if s is not None]

@@ -17,16 +17,11 @@ class Standing(NamedTuple):
         name: Name of the unit that stands or will stand there.
         X_WB: Its pose.
         at_port: Whether it is docked there, so that others at ports may come as near as neighbours are.
-        X_WS: Where a track that begins in a port of the same assembly begins, by the docks from this body to
-            that port, which say it better than sight; None for any other track.
-        X_WE: The same of where a track ends in a port.
     """
 
     name: str
     X_WB: SE2
     at_port: bool
-    X_WS: SE2 | None = None
-    X_WE: SE2 | None = None
 
 
 @dataclass(frozen=True)

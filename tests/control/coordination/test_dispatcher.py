@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from msrr_control.coordination.assemblies import locate
 from msrr_control.coordination.dispatcher import Dispatcher
 from msrr_control.coordination.interlock import Interlock
 from msrr_control.coordination.ledger import UnitRecord
@@ -37,7 +38,7 @@ class Base:
 
     def __post_init__(self) -> None:
         self.tasks = TaskList(self.listed)
-        interlock = Interlock(self.setup.lanes.body)
+        interlock = Interlock(self.units, self.setup.lanes.body)
         self.dispatcher = Dispatcher(self.setup, self.units, interlock, self.one_by_one)
 
     def dispatch(self, *obstacles: ObstacleEstimate) -> bool:
@@ -448,9 +449,11 @@ def test_a_neighbour_at_the_same_assembly_closes_a_lane_by_its_dock_and_not_by_s
     units["c"].state = UnitState.DOCKED
     if docked:
         units["c"].holder = ("b", "left")
+    locate(units, body)
     base = Base(setup, units)
     closed = "a cannot dock: c closes the lane to b.rear"
-    assert base.dispatcher.ends.hindrance(units["a"], body.docked(B, "rear"), ("b", "rear")) == (
+    X_WE = body.docked(units["b"].pose, "rear")
+    assert base.dispatcher.ends.hindrance(units["a"], X_WE, ("b", "rear")) == (
         None if docked else closed.removeprefix("a ")
     )
 

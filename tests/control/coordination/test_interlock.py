@@ -22,7 +22,7 @@ def _under_way(name: str, track: Track, order: int, holder: tuple[str, str] | No
 
 def test_a_unit_is_let_out_of_its_port_only_when_it_can_leave_it_whole(setup: CoordinationSetup) -> None:
     """It does not set off for a part of the way: said to be free to go, it counted as failed 30 s later."""
-    body, interlock = setup.lanes.body, Interlock(setup.lanes.body)
+    body = setup.lanes.body
     out = TrackBuilder(SE2(0.2, 0.0, 0.0), body.offset)
     out.back(0.3)
     out.turn_to(1.5)
@@ -30,13 +30,15 @@ def test_a_unit_is_let_out_of_its_port_only_when_it_can_leave_it_whole(setup: Co
     across = TrackBuilder(SE2(-0.3, -0.4, 0.5 * np.pi), body.offset)
     across.follow(Path(across.pose.as_array(), np.zeros(1), np.array([1.2 + body.offset])))
     passes = _under_way("passes", across.track(), 1)
-    units = [leaves, passes, UnitRecord("root", SE2(0.45, 0.0, 0.0), state=UnitState.DOCKED)]
+    X_WR = leaves.pose @ body.docked(SE2(), "rear").inverse()
+    root = UnitRecord("root", X_WR, state=UnitState.DOCKED)
+    interlock = Interlock({unit.name: unit for unit in (leaves, passes, root)}, body)
     needed = interlock.needed(passes, leaves)
     back = leaves.track.legs[0].end
     assert np.isneginf(needed[leaves.track.s < 0.1]).all(), "a part of the way out is free"
     assert not np.isneginf(needed[leaves.track.s <= back]).all(), "and a part is not"
-    interlock.extend(leaves, units)
+    interlock.extend(leaves)
     assert (leaves.limit, leaves.blocked_by) == (-1.0, "passes")
     passes.progress = passes.track.length
-    interlock.extend(leaves, units)
+    interlock.extend(leaves)
     assert leaves.limit == leaves.track.length

@@ -84,14 +84,3 @@ def test_of_all_that_a_track_meets_the_first_is_told(setup: CoordinationSetup) -
         contact = first_contact(builder.track(), both, setup.lanes.body)
         assert contact is not None
         assert contact[1] == "z"
-
-
-def test_a_dock_leg_is_compared_where_the_docks_put_its_port(setup: CoordinationSetup) -> None:
-    """Sight shows the port 4 cm off; the neighbour is where the unit would dock if sight were right."""
-    body = setup.lanes.body
-    builder = TrackBuilder(SE2(-0.7, 0.0, 0.0), body.offset)
-    builder.dock(SE2(), 0.7)
-    neighbour = SE2(0.0, 2.0 * body.half_width + 0.03, 0.0)
-    for seat, meets in ((None, False), (SE2(0.0, -0.04, 0.0), False), (SE2(0.0, 0.04, 0.0), True)):
-        other = Standing("other", neighbour, True, X_WE=seat)
-        assert (first_contact(builder.track(), [other], setup.lanes.body) is not None) is meets

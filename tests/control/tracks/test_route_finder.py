@@ -249,19 +249,6 @@ def test_an_obstacle_in_a_lane_counts_until_the_unit_has_passed_it(setup: Coordi
         assert finder.ahead_in_lane(track, progress, (post,)) == ("post" if meets else None)
 
 
-def test_a_unit_leaves_its_port_beside_a_neighbour_wherever_sight_shows_both(
-    setup: CoordinationSetup,
-) -> None:
-    """Sight shows them 10 mm nearer than neighbours are; no way out of the port was found."""
-    body, hub = setup.lanes.body, SE2(0.2, 0.0, 0.0)
-    seat = SE2()
-    seen = SE2(0.0, 2.0 * body.half_width + 0.015, 0.0)
-    for X_WS, leaves in ((None, False), (seat @ SE2(0.0, -0.01, 0.0), True)):
-        standing = [Standing("hub", hub, True), Standing("other", seen, True, X_WS)]
-        track = setup.finder.find(RouteRequest(seat, SE2(-1.0, -0.6), standing, leaves="hub"))
-        assert (track is not None) is leaves
-
-
 def test_where_there_is_no_way_there_is_no_track(setup: CoordinationSetup) -> None:
     wall = [Standing(f"w{k}", SE2(0.0, -1.5 + 0.25 * k), False) for k in range(13)]
     assert setup.finder.find(RouteRequest(SE2(-1.0, 0.0, 0.0), SE2(1.0, 0.0, 0.0), wall)) is None

@@ -1,0 +1,119 @@
+"""Where units stand that are docked to each other, and where those will that are on the way to a port.
+
+From above every unit is seen by itself, with an error of its own: that of its tag on its roof, and of the
+image. In an assembly, pins and holes hold each unit within a millimetre of where its port puts it. So all
+units of an assembly have one pose together, which is fitted to all that is seen of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping
+
+import numpy as np
+
+from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.shapes.bodies import Body
+from msrr_control.tracks.route_request import Standing
+from msrr_scenes.geometry.se2 import SE2, wrap_angle
+from msrr_scenes.messages.coordination import UnitState
+
+#: Play of a unit in a port, in x and y [m] and yaw [rad]: one standard deviation.
+_PLAY = np.array([0.001, 0.001, math.radians(0.3)])
+
+#: Distance and angle of a unit from where a dock puts it from which on it is not in that port [m], [rad]. It
+#: may have left it unheard, or never have come there.
+_APART_M, _APART_RAD = 0.1, 0.2
+
+_ITERATIONS = 3
+
+
+def locate(units: Mapping[str, UnitRecord], body: Body) -> None:
+    """Set the poses of all docked units, and the ends of the routes into ports.
+
+    Args:
+        units: All units, by name.
+        body: Form of the units.
+    """
+    docks = {
+        unit.name: unit.holder
+        for unit in units.values()
+        if unit.holder is not None and _is_held(unit, units[unit.holder[0]], unit.holder[1], body)
+    }
+    for assembly in _assemblies(docks, body):
+        _fit(assembly, units)
+    for unit in sorted(units.values(), key=lambda unit: unit.order):  # first those whose ports others enter
+        unit.seat = None
+        if not unit.under_way or unit.track is None or unit.enters is None:
+            continue
+        target = units[unit.enters[0]]
+        if target.X_WU is not None:
+            X_WE = body.docked(target.destination, unit.enters[1])
+            unit.seat = X_WE if is_same_place(X_WE, unit.track.end) else None
+
+
+def standing_unit(unit: UnitRecord, units: Collection[UnitRecord]) -> Standing:
+    """Return the body of a unit for the planning of another one: at the end of its route, or where it is."""
+    if unit.under_way:
+        return Standing(unit.name, unit.destination, unit.enters is not None)
+    holds = any(unit.name == port[0] for other in units for port in other.docks)
+    return Standing(unit.name, unit.pose, holds or bool(unit.docks) or unit.state is UnitState.DOCKED)
+
+
+def is_same_place(X_WA: SE2, X_WB: SE2) -> bool:
+    """Return whether a unit, or a route into a port, is where another estimate has the same port."""
+    off = X_WA.inverse() @ X_WB
+    return math.hypot(off.x, off.y) <= _APART_M and abs(wrap_angle(off.yaw)) <= _APART_RAD
+
+
+def _is_held(unit: UnitRecord, holder: UnitRecord, port: str, body: Body) -> bool:
+    """Return whether a unit that was locked to a port still stands there."""
+    if unit.under_way or holder.under_way or unit.X_WU is None or holder.X_WU is None:
+        return False
+    seen, at = (u.pose if u.sight is None else u.sight.X_WB for u in (unit, holder))
+    return is_same_place(seen, body.docked(at, port))
+
+
+def _assemblies(docks: Mapping[str, tuple[str, str]], body: Body) -> Iterator[dict[str, SE2]]:
+    """Yield for each assembly the pose of every unit in the first one."""
+    left = dict(docks)
+    while left:
+        poses = {next(iter(left)): SE2()}
+        grows = True
+        while grows:
+            grows = False
+            for name, (holder, port) in tuple(left.items()):
+                if holder in poses:
+                    poses.setdefault(name, body.docked(poses[holder], port))
+                elif name in poses:
+                    poses[holder] = poses[name] @ body.docked(SE2(), port).inverse()
+                else:
+                    continue
+                del left[name]
+                grows = True
+        yield poses
+
+
+def _fit(assembly: Mapping[str, SE2], units: Mapping[str, UnitRecord]) -> None:
+    """Set the poses of the units of an assembly to those that fit best to all that is seen of them.
+
+    It minimises the sum of squares, weighted by the covariance that each sight has against bodies near it and
+    by the play of the ports, by Gauss-Newton over the pose of the first unit. What all sights are off
+    together, because they are of the same camera, stays.
+    """
+    seen = [(X_AU, sight) for name, X_AU in assembly.items() if (sight := units[name].sight) is not None]
+    X_WA = units[next(iter(assembly))].pose
+    for _ in range(_ITERATIONS if seen else 0):
+        information, gradient = np.zeros((3, 3)), np.zeros(3)
+        for X_AU, sight in seen:
+            X_WU, X_WB = X_WA @ X_AU, sight.X_WB
+            residual = np.array([X_WB.x - X_WU.x, X_WB.y - X_WU.y, wrap_angle(X_WB.yaw - X_WU.yaw)])
+            jacobian = np.eye(3)
+            jacobian[:2, 2] = X_WA.y - X_WU.y, X_WU.x - X_WA.x
+            weight = np.linalg.inv(sight.relative + np.diag(_PLAY**2))
+            information += jacobian.T @ weight @ jacobian
+            gradient += jacobian.T @ weight @ residual
+        x, y, yaw = np.linalg.solve(information, gradient).tolist()
+        X_WA = SE2(X_WA.x + x, X_WA.y + y, X_WA.yaw + yaw)
+    for name, X_AU in assembly.items():
+        units[name].X_WU = X_WA @ X_AU
