@@ -1,0 +1,166 @@
+"""Making way: who leaves where it stands, so that a route comes of it for another one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from msrr_control.coordination.assigner import Assigner
+from msrr_control.coordination.interlock import Interlock
+from msrr_control.coordination.ledger import UnitRecord
+from msrr_control.coordination.route_grants import RouteGrants
+from msrr_control.coordination.setup import CoordinationSetup
+from msrr_control.coordination.target_place import later_ones_fit, place_of_target
+from msrr_control.coordination.task_ends import TaskEnds
+from msrr_control.coordination.task_list import TaskList
+from msrr_control.coordination.waiting_places import waiting_places
+from msrr_control.shapes.tasks import Task, TaskKind
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages.coordination import UnitState
+
+#: Number of waiting places that are tried.
+_WAITING_PLACES = 4
+
+#: How often a unit may be sent out of the way.
+_EVASIONS = 3
+
+
+class WayMaker:
+    """Sends units out of the way, and targets to where their ports can be reached."""
+
+    def __init__(
+        self,
+        setup: CoordinationSetup,
+        units: Mapping[str, UnitRecord],
+        interlock: Interlock,
+        assigner: Assigner,
+        ends: TaskEnds,
+        routes: RouteGrants,
+    ) -> None:
+        """Bind to the ledger, whose records are changed."""
+        self._setup, self._units, self._interlock = setup, units, interlock
+        self._assigner, self._ends, self._routes = assigner, ends, routes
+
+    def make_way(self, tasks: TaskList, now_ns: int) -> bool:
+        """Send one idle unit out of the way of the first task that has no route; return whether one goes.
+
+        One that stands in nobody's lane is sent away only where a route may come of it: for the task, or for
+        its target if that has to go elsewhere first. Last comes the unit of the task itself, if it has a
+        route from elsewhere.
+        """
+        for task in tasks.ready():
+            assigned = self._assigner.assignment(tasks).get(task.name)
+            if assigned is None or self._units[assigned].X_WU is None:
+                continue  # there is nobody to make way for, or nobody knows where
+            lanes = self._ends.lanes_of(task, tasks, assigned)
+            if not lanes:
+                continue
+            idle = [unit for unit in self._assigner.idle() if unit.evasions < _EVASIONS]
+            if task.kind is not TaskKind.MOVE and any(self._ends.stays_closed(X_WE) for X_WE in lanes):
+                continue
+            enters = self._ends.port_of(task)
+            if enters is not None and self._ends.taken_by(enters) is not None:
+                continue
+            partners = (assigned, None if enters is None else enters[0])
+            in_the_way = [
+                unit
+                for unit in idle
+                if unit.name not in partners
+                and any(self._setup.lanes.closed_by(X_WE, unit.pose) for X_WE in lanes)
+            ]
+            if any(self._evade(unit, tasks, now_ns) for unit in in_the_way):
+                return True
+            own, target = self._units[assigned], None if enters is None else self._units[enters[0]]
+            rest = [unit for unit in idle if unit not in in_the_way and unit.name not in partners]
+            if self._let_pass(own, task, lanes[0], rest, tasks, now_ns):
+                return True
+            X_WR = None if target is None else self._place_elsewhere(target, tasks)
+            if target is not None and X_WR is not None:
+                there = Task(f"place {target.name}", TaskKind.MOVE, target.name, pose=X_WR)
+                around = [unit for unit in idle if unit is not target]
+                if self._let_pass(target, there, target.pose, around, tasks, now_ns):
+                    return True
+            # One that a plan sends off leaves its port for that: what is in its way may be the unit that
+            # carries it, which cannot drive before.
+            leaves = own.state is UnitState.DOCKED and task.unit is not None and not task.stays
+            may_go = own in idle or (
+                leaves and own.evasions < _EVASIONS and not self._routes.waits_for_tracks
+            )
+            if may_go and self._evade(own, tasks, now_ns, task):
+                return True
+        return False
+
+    def moves_target(self, target: UnitRecord, tasks: TaskList, now_ns: int) -> bool:
+        """Send a unit that stands free to where its ports can be reached; return whether it goes."""
+        X_WR = self._place_elsewhere(target, tasks)
+        if X_WR is None or not self._routes.grant(target, X_WR, None, now_ns):
+            return False
+        target.task, target.evasions = None, target.evasions + 1
+        target.reason = "goes where its ports can be reached"
+        return True
+
+    def is_awaited_elsewhere(self, target: UnitRecord) -> bool:
+        """Return whether a unit was stopped before it came to where others are on the way to its ports."""
+        led = [u for u in self._units.values() if u.under_way and u.enters and u.enters[0] == target.name]
+        return not target.under_way and not all(self._interlock.holds(target, unit) for unit in led)
+
+    def _let_pass(
+        self, unit: UnitRecord, task: Task, X_WB: SE2, others: list[UnitRecord], tasks: TaskList, now_ns: int
+    ) -> bool:
+        """Send one of some others away if a unit may reach the end of a task then; return whether one goes.
+
+        First comes the nearest to ``X_WB`` without which it does; if there is none, the nearest, because it
+        may take several.
+        """
+        if not others or not self._routes.reaches(unit, task, tasks):
+            return False
+        others.sort(key=lambda u: math.hypot(u.pose.x - X_WB.x, u.pose.y - X_WB.y))
+        alone = next((u for u in others if self._routes.reaches(unit, task, tasks, u)), None)
+        others.sort(key=lambda u: u is not alone)
+        return any(self._evade(other, tasks, now_ns) for other in others)
+
+    def _place_elsewhere(self, target: UnitRecord, tasks: TaskList) -> SE2 | None:
+        """Return where a unit that stands free has to stand, so that its ports can be reached.
+
+        It has to go there before the first unit docks to it. None if it cannot, or need not.
+        """
+        docks = [t for t in tasks.open if t.parent_unit == target.name]
+        carries = any(target.name == port[0] for unit in self._units.values() for port in unit.docks)
+        idle = target in self._assigner.idle() and target.evasions < _EVASIONS
+        if carries or not idle:
+            return None
+        there = tasks.open, self._units, self._setup, self._ends.obstacles
+        reach = all(t.unit is None or self._routes.reaches(self._units[t.unit], t, tasks) for t in docks)
+        return None if reach and later_ones_fit(target, *there) else place_of_target(target, *there)
+
+    def _evade(self, unit: UnitRecord, tasks: TaskList, now_ns: int, task: Task | None = None) -> bool:
+        """Send a unit to a waiting place; return whether it goes.
+
+        Args:
+            unit: The unit.
+            tasks: All tasks.
+            now_ns: Time [ns].
+            task: What the unit has to reach from there, if others drive away; None for nothing.
+        """
+        assigned = self._assigner.assignment(tasks)
+        open_poses = [
+            X for task in tasks.open for X in self._ends.lanes_of(task, tasks, assigned.get(task.name))
+        ]
+        # The unit is among them: it is to go elsewhere.
+        seen = [u for u in self._units.values() if u.X_WU is not None]
+        places = waiting_places(
+            self._setup.lanes, self._setup.finder.inner, open_poses, seen, self._ends.obstacles
+        )
+        distance = np.hypot(places[:, 0] - unit.pose.x, places[:, 1] - unit.pose.y)
+        for x, y in places[np.argsort(distance, kind="stable")[:_WAITING_PLACES]].tolist():
+            yaw = math.atan2(y - unit.pose.y, x - unit.pose.x)
+            X_WE = SE2(x, y, yaw)
+            if task is not None and not self._routes.reaches(unit, task, tasks, X_WU=X_WE):
+                continue
+            if self._routes.grant(unit, X_WE, None, now_ns):
+                unit.task, unit.evasions = None, unit.evasions + 1
+                unit.reason = "makes way"
+                return True
+        return False
