@@ -16,7 +16,7 @@ from msrr_control.coordination.target_place import later_ones_fit, place_of_targ
 from msrr_control.coordination.task_ends import TaskEnds
 from msrr_control.coordination.task_list import TaskList
 from msrr_control.coordination.waiting_places import waiting_places
-from msrr_control.shapes.tasks import Task, TaskKind
+from msrr_control.shapes.tasks import Task, TaskKind, TaskState
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages.coordination import UnitState
 
@@ -48,7 +48,8 @@ class WayMaker:
 
         One that stands in nobody's lane is sent away only where a route may come of it: for the task, or for
         its target if that has to go elsewhere first. Last comes the unit of the task itself, if it has a
-        route from elsewhere.
+        route from elsewhere. One in the port of the task leaves it if it is to do so anyway, as where
+        two units are to change places.
         """
         for task in tasks.ready():
             assigned = self._assigner.assignment(tasks).get(task.name)
@@ -60,8 +61,12 @@ class WayMaker:
             idle = [unit for unit in self._assigner.idle() if unit.evasions < _EVASIONS]
             if task.kind is not TaskKind.MOVE and any(self._ends.stays_closed(X_WE) for X_WE in lanes):
                 continue
-            enters = self._ends.port_of(task)
-            if enters is not None and self._ends.taken_by(enters) is not None:
+            own, enters = self._units[assigned], self._ends.port_of(task)
+            taken_by = None if enters is None else self._ends.taken_by(enters)
+            if taken_by is not None:
+                taker = self._units[taken_by]
+                if self._gives_up_port(taker, tasks) and self._evade(taker, tasks, now_ns):
+                    return True
                 continue
             partners = (assigned, None if enters is None else enters[0])
             in_the_way = [
@@ -72,7 +77,7 @@ class WayMaker:
             ]
             if any(self._evade(unit, tasks, now_ns) for unit in in_the_way):
                 return True
-            own, target = self._units[assigned], None if enters is None else self._units[enters[0]]
+            target = None if enters is None else self._units[enters[0]]
             rest = [unit for unit in idle if unit not in in_the_way and unit.name not in partners]
             if self._let_pass(own, task, lanes[0], rest, tasks, now_ns):
                 return True
@@ -105,6 +110,17 @@ class WayMaker:
         """Return whether a unit was stopped before it came to where others are on the way to its ports."""
         led = [u for u in self._units.values() if u.under_way and u.enters and u.enters[0] == target.name]
         return not target.under_way and not all(self._interlock.holds(target, unit) for unit in led)
+
+    def _gives_up_port(self, unit: UnitRecord, tasks: TaskList) -> bool:
+        """Return whether a docked unit may leave its port for another one, because it is to leave it anyway.
+
+        It waits for a port that is taken in turn, or for its own lane, and nobody is under way who frees it.
+        """
+        idles = unit.state is UnitState.DOCKED and unit.evasions < _EVASIONS
+        if not idles or any(other.under_way for other in self._units.values()):
+            return False
+        own = next((task for task in tasks.open if task.unit == unit.name), None)
+        return own is not None and all(tasks.state(name) is TaskState.DONE for name in own.after)
 
     def _let_pass(
         self, unit: UnitRecord, task: Task, X_WB: SE2, others: list[UnitRecord], tasks: TaskList, now_ns: int

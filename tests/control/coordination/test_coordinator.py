@@ -661,6 +661,20 @@ def test_an_explicit_plan_runs_in_its_order(rig: type[Rig]) -> None:
     assert all(k > left for (unit, _), k in first.items() if unit == "a")
 
 
+@pytest.mark.parametrize("ports", [("left", "right"), ("left", "right", "rear")])
+def test_docked_units_change_places(ports: tuple[str, ...], rig: type[Rig], setup: CoordinationSetup) -> None:
+    """Each is to dock where the next one is docked; one of them leaves its port, and the others go first."""
+    names, hub = "abc"[: len(ports)], SE2(0.2, 0.1, 0.4)
+    holders = {name: f"hub.{port}" for name, port in zip(names, ports, strict=True)}
+    wanted = dict(zip(names, [*list(holders.values())[1:], holders["a"]], strict=True))
+    steps = [DockStep(unit=name, to=port, after=()) for name, port in wanted.items()]
+    poses = {name: setup.lanes.body.docked(hub, port) for name, port in zip(names, ports, strict=True)}
+    run = rig(Mission(steps=steps, holders=holders), {"hub": hub, **poses})
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert run.joints == wanted
+
+
 def test_two_that_meet_head_on_pass_each_other(rig: type[Rig]) -> None:
     """In a lane for one, with idle units as its walls; neither waits for the other for ever."""
     walls = {f"w{k}": SE2(-0.6 + 0.4 * (k // 2), 0.45 * (-1) ** k, 0.0) for k in range(8)}

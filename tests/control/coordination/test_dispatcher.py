@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -305,6 +305,30 @@ def test_a_docked_unit_leaves_its_port_for_a_task_that_names_it(
         assert base.dispatch() is (unit is not None)
         assert base.under_way == ({} if unit is None else {"a": "leave"})
         assert base.units["a"].unlocks is (unit is not None)
+
+
+def test_who_is_in_the_port_of_a_task_leaves_it_only_if_it_is_to_do_so_by_now(
+    setup: CoordinationSetup,
+) -> None:
+    """And not while somebody is under way, who may free the port that it is to go to itself."""
+    body = setup.lanes.body
+    swap = Task("swap", TaskKind.DOCK, "a", parent_unit="b", port="left")
+    back = Task("back", TaskKind.DOCK, "c", parent_unit="b", port="rear", behind=("swap",))
+    move = Task("move", TaskKind.MOVE, "d", pose=SE2(-1.0, -1.0, 0.0))
+    for tasks, begun, leaves in (
+        ([swap, back], False, True),
+        ([swap], False, False),
+        ([swap, replace(back, after=("move",)), replace(move, unit="unseen")], False, False),
+        ([swap, back, move], True, False),
+    ):
+        units = _units(a=body.docked(B, "rear"), b=B, c=body.docked(B, "left"), d=SE2(-1.3, -1.0, 0.0))
+        units["unseen"] = UnitRecord("unseen")
+        for name, port in (("a", "rear"), ("c", "left")):
+            units[name].state, units[name].holder = UnitState.DOCKED, ("b", port)
+        base = Base(setup, units, tasks)
+        assert base.dispatch() is (leaves or begun)
+        base.dispatch()
+        assert base.under_way == ({"c": None} if leaves else {"d": "move"} if begun else {})
 
 
 @pytest.mark.parametrize("state", [UnitState.FAILED, UnitState.LOST])
