@@ -44,12 +44,11 @@ class WayMaker:
         self._assigner, self._ends, self._routes = assigner, ends, routes
 
     def make_way(self, tasks: TaskList, now_ns: int) -> bool:
-        """Send one idle unit out of the way of the first task that has no route; return whether one goes.
+        """Send one unit out of the way of the first task that has no route; return whether one goes.
 
-        One that stands in nobody's lane is sent away only where a route may come of it: for the task, or for
-        its target if that has to go elsewhere first. Last comes the unit of the task itself, if it has a
-        route from elsewhere. One in the port of the task leaves it if it is to do so anyway, as where
-        two units are to change places.
+        It is idle, or is to leave its port anyway. One that stands in nobody's lane is sent away only where a
+        route may come of it: for the task, or for its target if that has to go elsewhere first. Last comes
+        the unit of the task itself, if it has a route from elsewhere.
         """
         for task in tasks.ready():
             assigned = self._assigner.assignment(tasks).get(task.name)
@@ -63,20 +62,19 @@ class WayMaker:
                 continue
             own, enters = self._units[assigned], self._ends.port_of(task)
             taken_by = None if enters is None else self._ends.taken_by(enters)
-            if taken_by is not None:
-                taker = self._units[taken_by]
-                if self._gives_up_port(taker, tasks) and self._evade(taker, tasks, now_ns):
-                    return True
-                continue
             partners = (assigned, None if enters is None else enters[0])
+            leaving = [unit for unit in self._units.values() if self._leaves_anyway(unit, tasks)]
             in_the_way = [
                 unit
-                for unit in idle
+                for unit in idle + leaving
                 if unit.name not in partners
                 and any(self._setup.lanes.closed_by(X_WE, unit.pose) for X_WE in lanes)
+                and taken_by in (None, unit.name)
             ]
             if any(self._evade(unit, tasks, now_ns) for unit in in_the_way):
                 return True
+            if taken_by is not None:
+                continue
             target = None if enters is None else self._units[enters[0]]
             rest = [unit for unit in idle if unit not in in_the_way and unit.name not in partners]
             if self._let_pass(own, task, lanes[0], rest, tasks, now_ns):
@@ -89,9 +87,9 @@ class WayMaker:
                     return True
             # One that a plan sends off leaves its port for that: what is in its way may be the unit that
             # carries it, which cannot drive before.
-            leaves = own.state is UnitState.DOCKED and task.unit is not None and not task.stays
+            sent_off = own.state is UnitState.DOCKED and task.unit is not None and not task.stays
             may_go = own in idle or (
-                leaves and own.evasions < _EVASIONS and not self._routes.waits_for_tracks
+                sent_off and own.evasions < _EVASIONS and not self._routes.waits_for_tracks
             )
             if may_go and self._evade(own, tasks, now_ns, task):
                 return True
@@ -111,10 +109,10 @@ class WayMaker:
         led = [u for u in self._units.values() if u.under_way and u.enters and u.enters[0] == target.name]
         return not target.under_way and not all(self._interlock.holds(target, unit) for unit in led)
 
-    def _gives_up_port(self, unit: UnitRecord, tasks: TaskList) -> bool:
-        """Return whether a docked unit may leave its port for another one, because it is to leave it anyway.
+    def _leaves_anyway(self, unit: UnitRecord, tasks: TaskList) -> bool:
+        """Return whether a docked unit is to leave its port and cannot, though nobody is under way.
 
-        It waits for a port that is taken in turn, or for its own lane, and nobody is under way who frees it.
+        It may wait for what waits for it: for a port whose unit waits for its own port.
         """
         idles = unit.state is UnitState.DOCKED and unit.evasions < _EVASIONS
         if not idles or any(other.under_way for other in self._units.values()):

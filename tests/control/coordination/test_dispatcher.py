@@ -307,17 +307,18 @@ def test_a_docked_unit_leaves_its_port_for_a_task_that_names_it(
         assert base.units["a"].unlocks is (unit is not None)
 
 
-def test_who_is_in_the_port_of_a_task_leaves_it_only_if_it_is_to_do_so_by_now(
-    setup: CoordinationSetup,
-) -> None:
-    """And not while somebody is under way, who may free the port that it is to go to itself."""
+def test_a_docked_unit_makes_way_only_if_it_is_to_leave_its_port_by_now(setup: CoordinationSetup) -> None:
+    """It may be in the port of a task, or at the end of it; but while somebody is under way it waits."""
     body = setup.lanes.body
     swap = Task("swap", TaskKind.DOCK, "a", parent_unit="b", port="left")
     back = Task("back", TaskKind.DOCK, "c", parent_unit="b", port="rear", behind=("swap",))
     move = Task("move", TaskKind.MOVE, "d", pose=SE2(-1.0, -1.0, 0.0))
+    there = replace(move, name="swap", pose=body.docked(B, "left"))
     for tasks, begun, leaves in (
         ([swap, back], False, True),
         ([swap], False, False),
+        ([there, back], False, True),
+        ([there], False, False),
         ([swap, replace(back, after=("move",)), replace(move, unit="unseen")], False, False),
         ([swap, back, move], True, False),
     ):
