@@ -75,10 +75,11 @@ def _check(scene: Scene) -> None:
         bodies = _drawn(scene, world)
         check_views(scene, world, bodies)
         if scene.coordinated:
-            from msrr_bullet.checks.reconfiguration import check_reconfiguration
+            from msrr_bullet.checks.assembled import check_ports, check_reconfiguration
             from msrr_bullet.robot.unit_programs import check_programs
 
             begin_mission(environment, telemetry, NullProfiler())
+            check_ports(scene)
             check_reconfiguration(scene)
             check_programs(scene.told())
         for index in () if scene.coordinated else in_order(scene.docks):

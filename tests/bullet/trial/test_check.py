@@ -291,6 +291,33 @@ def test_a_shape_is_refused_that_does_not_fit_around_the_root_of_an_assembly(
     check_trial(load_scene(path, {**blind, **({"units.a.pose.y_m": "0"} if key else {})}))
 
 
+@pytest.mark.parametrize(
+    ("plan", "key"),
+    [
+        ("{unit: d, to: a.right}", "plan.0.to"),
+        ("{undock: c}, {unit: d, to: b.right, after: []}", "plan.1.to"),
+        ("{unit: d, to: a.left}", ""),
+        ("{undock: c}, {undock: b}, {unit: d, to: a.right}", ""),
+    ],
+)
+def test_a_port_that_faces_the_border_is_refused_unless_its_unit_can_drive_by_then(
+    plan: str, key: str, tmp_path: Path
+) -> None:
+    """The wall is 0.6 m to the right; the mission ended as incomplete, a minute or so later."""
+    path, blind = tmp_path / "chain.yaml", {"plant": "unicycle", "perception": "parametric"}
+    path.write_text(
+        "{arena: {x_m: [-2.5, 1.5], y_m: [-1.8, 1.8]}, cameras: {overhead: {height_m: 5.0}}, radio: {}, "
+        "units: {a: {number: 0, pose: {x_m: 0.9, y_m: -1.2}}, b: {number: 1}, c: {number: 2}, "
+        f"d: {{number: 3, pose: {{x_m: -1, y_m: 1}}}}}}, assembled: [{CHAIN}], plan: [{plan}]}}\n"
+    )
+    if key:
+        with pytest.raises(SceneError) as caught:
+            check_trial(load_scene(path, blind))
+        assert f": {key}: " in str(caught.value)
+        assert "faces the border of what the overhead camera sees" in str(caught.value)
+    check_trial(load_scene(path, {**blind, **({"units.a.pose.y_m": "0"} if key else {})}))
+
+
 def test_a_shape_is_refused_where_the_overhead_camera_sees_too_little_of_the_arena(tmp_path: Path) -> None:
     """The same arena fits a line of three under a camera that sees all of it."""
     path, found = tmp_path / "shape.yaml", []
