@@ -91,8 +91,8 @@ class Track:
     def seen_progress(self, X_WU: SE2, low: float, high: float, off: float) -> float | None:
         """Return the arc length between ``low`` and ``high`` at which the track first passes a pose [m].
 
-        A track may pass a pose more than once, as where a unit turns, drives off and comes back. Only the
-        first time is sure to lie behind the unit.
+        A track may pass a pose more than once, as where a unit turns, drives off and comes back, or backs out
+        of a port and drives on ahead. Only the first time is sure to lie behind the unit.
 
         Args:
             X_WU: Estimate of the unit's pose.
@@ -101,7 +101,8 @@ class Track:
             off: Distance from the track beyond which the pose does not belong to it [m].
 
         Returns:
-            Arc length of the nearest sample of that passage; None if that part of the track does not pass.
+            Arc length of the sample before which the track comes nearer, and after which it does not; None if
+            that part of the track does not pass.
         """
         inside = np.flatnonzero((self.s >= low) & (self.s <= high))
         delta = self.poses[inside, :2] - X_WU.translation
@@ -111,9 +112,8 @@ class Track:
         if not near.any():
             return None
         first = int(near.argmax())
-        passage = np.logical_and.accumulate(near[first:])
-        best = first + int(np.where(passage, apart[first:], math.inf).argmin())
-        return float(self.s[inside[best]])
+        leads_away = np.append(np.diff(apart[first:]) > 0.0, True)
+        return float(self.s[inside[first + int(leads_away.argmax())]])
 
 
 class TrackBuilder:
