@@ -86,6 +86,8 @@ class Dispatcher:
             target = self._units[enters[0]]
             if self._way_maker.is_awaited_elsewhere(target):
                 return False  # it may go there once more when nobody is on the way to it
+            if self._way_maker.keeps_target(target, tasks):
+                return False
             if self._way_maker.moves_target(target, tasks, now_ns):
                 return True
         if not self._routes.grant(unit, X_WE, enters, now_ns):

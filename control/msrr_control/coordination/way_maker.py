@@ -81,6 +81,9 @@ class WayMaker:
                 return True
             X_WR = None if target is None else self._place_elsewhere(target, tasks)
             if target is not None and X_WR is not None:
+                carried = [unit for unit in leaving if unit.holder and unit.holder[0] == target.name]
+                if any(self._evade(unit, tasks, now_ns) for unit in carried):
+                    return True
                 there = Task(f"place {target.name}", TaskKind.MOVE, target.name, pose=X_WR)
                 around = [unit for unit in idle if unit is not target]
                 if self._let_pass(target, there, target.pose, around, tasks, now_ns):
@@ -104,6 +107,10 @@ class WayMaker:
         target.reason = "goes where its ports can be reached"
         return True
 
+    def keeps_target(self, target: UnitRecord, tasks: TaskList) -> bool:
+        """Return whether a unit has to go elsewhere before others dock to it, and carries some until then."""
+        return bool(self._ends.carried_by(target)) and self._place_elsewhere(target, tasks) is not None
+
     def is_awaited_elsewhere(self, target: UnitRecord) -> bool:
         """Return whether a unit was stopped before it came to where others are on the way to its ports."""
         led = [u for u in self._units.values() if u.under_way and u.enters and u.enters[0] == target.name]
@@ -117,8 +124,7 @@ class WayMaker:
         idles = unit.state is UnitState.DOCKED and unit.evasions < _EVASIONS
         if not idles or any(other.under_way for other in self._units.values()):
             return False
-        own = next((task for task in tasks.open if task.unit == unit.name), None)
-        return own is not None and all(tasks.state(name) is TaskState.DONE for name in own.after)
+        return _is_to_leave(unit, tasks)
 
     def _let_pass(
         self, unit: UnitRecord, task: Task, X_WB: SE2, others: list[UnitRecord], tasks: TaskList, now_ns: int
@@ -138,12 +144,13 @@ class WayMaker:
     def _place_elsewhere(self, target: UnitRecord, tasks: TaskList) -> SE2 | None:
         """Return where a unit that stands free has to stand, so that its ports can be reached.
 
-        It has to go there before the first unit docks to it. None if it cannot, or need not.
+        It has to go there before the first unit docks to it, when those have left that it carries. None if it
+        cannot, or need not.
         """
         docks = [t for t in tasks.open if t.parent_unit == target.name]
-        carries = any(target.name == port[0] for unit in self._units.values() for port in unit.docks)
+        carried = [self._units[name] for name in self._ends.carried_by(target)]
         idle = target in self._assigner.idle() and target.evasions < _EVASIONS
-        if carries or not idle:
+        if not idle or not all(_is_to_leave(unit, tasks) for unit in carried):
             return None
         there = tasks.open, self._units, self._setup, self._ends.obstacles
         reach = all(t.unit is None or self._routes.reaches(self._units[t.unit], t, tasks) for t in docks)
@@ -178,3 +185,9 @@ class WayMaker:
                 unit.reason = "makes way"
                 return True
         return False
+
+
+def _is_to_leave(unit: UnitRecord, tasks: TaskList) -> bool:
+    """Return whether the next task of a docked unit can begin by now, as far as ``after`` says."""
+    own = next((task for task in tasks.open if task.unit == unit.name), None)
+    return own is not None and all(tasks.state(name) is TaskState.DONE for name in own.after)

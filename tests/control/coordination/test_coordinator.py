@@ -675,6 +675,23 @@ def test_docked_units_change_places(ports: tuple[str, ...], rig: type[Rig], setu
     assert run.joints == wanted
 
 
+@pytest.mark.parametrize("stays", [False, True])
+def test_a_target_goes_elsewhere_when_those_have_left_that_it_carries(
+    stays: bool, rig: type[Rig], setup: CoordinationSetup
+) -> None:
+    """Its left port faces the border; it cannot drive while one is docked to it that has no step."""
+    body, hub = setup.lanes.body, SE2(0.54, -0.39, math.radians(-174.0))
+    holders = {"b": "hub.right", "c": "hub.rear"}
+    poses = {name: body.docked(hub, port.removeprefix("hub.")) for name, port in holders.items()}
+    steps = [DockStep(unit="b", to="hub.left", after=()), DockStep(unit="c", to="hub.right", after=())]
+    run = rig(Mission(steps=steps[: 1 if stays else 2], holders=holders), {"hub": hub, **poses})
+    status = run.run()
+    assert status.state is (MissionState.INCOMPLETE if stays else MissionState.COMPLETE), status.reason
+    assert run.joints == (holders if stays else {"b": "hub.left", "c": "hub.right"})
+    moved = run.units["hub"].X_WU.inverse() @ hub
+    assert (abs(moved.x) < 1e-9) is stays
+
+
 def test_two_that_meet_head_on_pass_each_other(rig: type[Rig]) -> None:
     """In a lane for one, with idle units as its walls; neither waits for the other for ever."""
     walls = {f"w{k}": SE2(-0.6 + 0.4 * (k // 2), 0.45 * (-1) ** k, 0.0) for k in range(8)}
