@@ -179,6 +179,10 @@ class Scene(Spec):
         """Return the scene as robots and base station are told it: without true errors and without faults."""
         return self.model_copy(update={"as_built": self.as_built.told(), "faults": ()})
 
+    def with_camera(self, name: str, spec: CameraSpec) -> Scene:
+        """Return the scene with another data sheet of the camera ``onboard`` or ``overhead``."""
+        return self.model_copy(update={"cameras": self.cameras.model_copy(update={name: spec})})
+
     def at_grade(self, grade: Grade) -> Scene:
         """Return the scene at another grade of the workmanship, with its data sheets, without given errors.
 
