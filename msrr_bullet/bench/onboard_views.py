@@ -89,7 +89,7 @@ def _exposures(
     rng: np.random.Generator,
 ) -> Iterator[LabelledExposure[PoseEstimate]]:
     step = scene.docks[0]
-    X_WD = world.pose(step.target_unit) @ scene.geometry(step.target_unit).dock_frame(step.target_port)
+    X_WD = world.pose(step.target_unit) @ scene.dock_frame(step)
     renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
     X_WC = SE3()
     camera = Camera(target.camera_name, spec, renderer, lambda: X_WC, seed)

@@ -111,7 +111,7 @@ class DockingSeries:
         if until_s is not None and until_s >= seconds(last[0].action.stamp_ns):
             last = [i for i in last if seconds(i.action.stamp_ns) <= until_s]
         setup = DockSetup.of(scene, step)
-        X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
+        X_TD = scene.dock_frame(step)
 
         def poses(selected: list[ControlInstant]) -> Array:
             X_DU = [(i.true[step.target_unit] @ X_TD).inverse() @ i.true[step.unit] for i in selected]

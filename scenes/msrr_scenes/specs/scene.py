@@ -12,6 +12,7 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.measured_markers import with_markers
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit
 from msrr_scenes.html import html_table
 from msrr_scenes.specs.as_built import GRADES, AsBuiltSpec, Grade, graded_odometry, graded_optics
@@ -254,6 +255,10 @@ class Scene(Spec):
             poses = tuple((slot, tag.position_m, tag.quaternion_xyzw) for slot, tag in tags)
             measured.append((anchor, poses))
         return with_markers(drawn, tuple(measured))
+
+    def dock_frame(self, step: DockStep) -> SE2:
+        """Return the frame D of the port that a step docks to, in the frame of its target T: ``X_TD``."""
+        return self.geometry(step.target_unit).dock_frame(step.target_port)
 
     def _drawn(self, unit: str) -> UnitGeometry:
         beside, spec = self.source.parent if self.source else None, self.units[unit]
