@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -85,37 +85,22 @@ def run_trial(
     """
     seed = checked_seed(seed)  # before the trial, after which the result would refuse it
     out = Path(out) if out is not None else None
-    with ExitStack() as lock:
-        result = _run(scene, seed, out, lock, wall_limit_s, viewer, observer, profiler, listener)
+    if out is not None:
+        check_folder(out)
+    with suppress(ProgramFailedError):  # the trial ends with that outcome
+        check_trial(scene)
+    with ExitStack() as lock:  # that of the folder, until the last file is written
+        recorder: Recorder = NullRecorder()
+        if out is not None:
+            recorder = _RunRecorder(out, LogHeader.of(scene, seed, trial_versions()), lock, listener)
+        with closing(recorder):
+            result = Trial(
+                scene, seed, recorder=recorder, viewer=viewer, observer=observer, profiler=profiler
+            ).run(wall_limit_s)
         if out is not None:
             _write_derived_files(out, result)
             result = result.model_copy(update={"folder": out})
     return result
-
-
-def _run(
-    scene: Scene,
-    seed: int,
-    out: Path | None,
-    lock: ExitStack,
-    wall_limit_s: float | None,
-    viewer: Viewer | None,
-    observer: Callable[[Progress], None] | None,
-    profiler: Profiler | None,
-    listener: Listener | None,
-) -> TrialResult:
-    """Run the trial and write its log; ``lock`` keeps the folder for this run until it is closed."""
-    with ExitStack() as stack:
-        recorder: Recorder = NullRecorder()
-        if out is not None:
-            check_folder(out)
-        with suppress(ProgramFailedError):  # the trial ends with that outcome
-            check_trial(scene)
-        if out is not None:
-            recorder = _RunRecorder(out, LogHeader.of(scene, seed, trial_versions()), lock, listener)
-            stack.callback(recorder.close)
-        trial = Trial(scene, seed, recorder=recorder, viewer=viewer, observer=observer, profiler=profiler)
-        return trial.run(wall_limit_s)
 
 
 class _RunRecorder:

@@ -65,7 +65,7 @@ def measure_onboard(
     """
     with facing_units(SE2(-0.8, 0.0, 0.0)) as (scene, world):
         spec = with_sensor(scene.cameras.onboard, noise_grey, blur_px)
-        scene = with_camera(scene, "onboard", spec)  # the robot is told the data sheet
+        scene = scene.with_camera("onboard", spec)  # the robot is told the data sheet
         target = TargetModel.from_scene(scene, scene.docks[0])
         rng = stream(seed, "bench/detection/onboard")
         poses = _poses(scene, views, distances_m, rng)
@@ -79,11 +79,6 @@ def with_sensor(spec: CameraSpec, noise_grey: float | None, blur_px: float | Non
     return spec.model_copy(update={key: value for key, value in changes.items() if value is not None})
 
 
-def with_camera(scene: Scene, name: str, spec: CameraSpec) -> Scene:
-    """Return a scene with another data sheet of the camera ``onboard`` or ``overhead``."""
-    return scene.model_copy(update={"cameras": scene.cameras.model_copy(update={name: spec})})
-
-
 def _exposures(
     scene: Scene,
     world: BulletWorld,
@@ -94,7 +89,7 @@ def _exposures(
     rng: np.random.Generator,
 ) -> Iterator[LabelledExposure[PoseEstimate]]:
     step = scene.docks[0]
-    X_WD = world.pose(step.target_unit) @ scene.geometry(step.target_unit).dock_frame(step.target_port)
+    X_WD = world.pose(step.target_unit) @ scene.dock_frame(step)
     renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
     X_WC = SE3()
     camera = Camera(target.camera_name, spec, renderer, lambda: X_WC, seed)

@@ -12,7 +12,7 @@ import numpy as np
 
 from msrr_bullet.bench.detection_metrics import DetectionRow, LabelledExposure, encloses, evaluate
 from msrr_bullet.bench.detector_settings import overhead_candidates
-from msrr_bullet.bench.onboard_views import with_camera, with_sensor
+from msrr_bullet.bench.onboard_views import with_sensor
 from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
@@ -63,7 +63,7 @@ def measure_overhead(
     """
     scene, spec, _ = _load()
     spec = with_sensor(spec, noise_grey, blur_px)
-    model = OverheadModel.from_scene(with_camera(scene, OVERHEAD, spec), _UNITS)
+    model = OverheadModel.from_scene(scene.with_camera(OVERHEAD, spec), _UNITS)
     views = _views(scene, model, spec, arrangements, exposures, seed)
     return evaluate(overhead_candidates(model, _UNITS), views, stream(seed, "bench/detection/order"))
 

@@ -81,8 +81,7 @@ def approach_begins(scene: Scene, step: DockStep, setup: DockSetup) -> SE2 | Non
         params = route_params(scene.control.assembly)
         return None if params is None else before_port(setup, params.route.handover_m)
     placed = nominal_units(scene)
-    X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
-    return (placed[step.target_unit] @ X_TD).inverse() @ placed[step.unit]
+    return (placed[step.target_unit] @ scene.dock_frame(step)).inverse() @ placed[step.unit]
 
 
 def whole_tags(target: TargetModel, X_CD: SE3, tags: Iterable[int]) -> dict[int, float]:

@@ -24,7 +24,7 @@ def check_seats(scene: Scene, world: BulletWorld) -> None:
     """
     for dock in scene.possible_docks:
         unit, target = dock.unit, dock.target_unit
-        X_TD, X_UP = scene.geometry(target).dock_frame(dock.target_port), scene.geometry(unit).port(dock.port)
+        X_TD, X_UP = scene.dock_frame(dock), scene.geometry(unit).port(dock.port)
         world.place(target, SE2(), (0.0, 0.0))
         for gap in _GAPS_M:
             world.place(unit, X_TD @ SE2(-gap) @ X_UP.inverse(), (0.0, 0.0))

@@ -60,7 +60,7 @@ def check_views(scene: Scene, world: BulletWorld | None, bodies: LoadedBodies | 
                 )
             if drawn is None:
                 continue
-            X_DT = SE3.from_se2(scene.geometry(step.target_unit).dock_frame(step.target_port)).inverse()
+            X_DT = SE3.from_se2(scene.dock_frame(step)).inverse()
             own, other = drawn.of(step.unit), drawn.of(step.target_unit)
             shapes = {
                 step.unit: target.X_UC.inverse().act(own.triangles),

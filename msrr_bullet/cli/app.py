@@ -49,10 +49,10 @@ from msrr_bullet.cli.options import (
     naming_overrides,
     parse_overrides,
     scenes_beginning_with,
-    write_text,
 )
 from msrr_perception.photographs.opencv_environment import set_opencv_environment
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.whole_files import write_named
 from msrr_scenes.wording import counted
 
 if TYPE_CHECKING:
@@ -226,7 +226,7 @@ def schema(
     if out is None:
         typer.echo(text, nl=False)
     else:
-        write_text(out, text)
+        write_named(out, text)
 
 
 def _of_file(file: str, message: str) -> str:

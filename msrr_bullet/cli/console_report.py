@@ -38,14 +38,6 @@ def _metres(clearance: float | None) -> str:
     return _UNKNOWN if clearance is None else f"{clearance:z.3f} m"
 
 
-def _title(result: TrialResult) -> str:
-    return f"{result.scene}, seed {result.seed} ({result.plant}, {result.perception}, {result.as_built})"
-
-
-def _name(step: StepResult) -> str:
-    return f"{step.unit} {'from' if step.undocks else 'to'} {step.target}"
-
-
 def _verdict(of: StepResult | TrialResult) -> Text:
     succeeded = of.succeeded if isinstance(of, StepResult) else of.docked
     return Text(of.outcome.value, "green" if succeeded else "red")
@@ -53,7 +45,7 @@ def _verdict(of: StepResult | TrialResult) -> Text:
 
 def steps_table(result: TrialResult) -> Table:
     """Return the table of a trial with a row for every step that began."""
-    table = Table(title=_title(result), title_justify="left")
+    table = Table(title=result.title, title_justify="left")
     for column in ("step", "belief", "truth"):  # the widest column breaks first where a terminal is narrow
         table.add_column(column, overflow="fold")
     for column in ("lateral", "attempts", "clearance", "end"):
@@ -61,7 +53,7 @@ def steps_table(result: TrialResult) -> Table:
     for step in result.steps:
         contact = step.contact
         table.add_row(
-            _name(step),
+            step.task,
             step.belief.replace("_", " "),
             _verdict(step),
             _mm(contact.lateral_m if contact else None),
@@ -74,7 +66,7 @@ def steps_table(result: TrialResult) -> Table:
 
 def mission_table(result: TrialResult, mission: MissionFigures) -> Table:
     """Return the table of the mission of a trial as a whole."""
-    table = Table(title=f"{_title(result)}: mission", title_justify="left", show_header=False)
+    table = Table(title=f"{result.title}: mission", title_justify="left", show_header=False)
     table.add_column(no_wrap=True)
     table.add_column()
     ways = ", ".join(f"{unit} {way:.2f}" for unit, way in mission.way_m.items())
@@ -94,7 +86,7 @@ def mission_table(result: TrialResult, mission: MissionFigures) -> Table:
 
 def step_table(result: TrialResult, step: StepResult) -> Table:
     """Return the table of one step of a trial, with the robot's belief beside the truth."""
-    table = Table(title=f"{_title(result)}: {_name(step)}", title_justify="left")
+    table = Table(title=f"{result.title}: {step.task}", title_justify="left")
     table.add_column("")
     table.add_column("belief")
     table.add_column("truth")

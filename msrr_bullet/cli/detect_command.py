@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import time
@@ -162,10 +163,7 @@ def _draw(picture: PictureTags, pixels: Pixels, reader: PictureReader, out: Path
 def _candidates(stem: str) -> Iterator[str]:
     """Yield names for the annotated picture of a file: pictures of two folders may have one name."""
     yield f"{stem}.png"
-    number = 2
-    while True:
-        yield f"{stem}-{number}.png"
-        number += 1
+    yield from (f"{stem}-{number}.png" for number in itertools.count(2))
 
 
 def _table(pictures: Sequence[PictureTags]) -> Table:

@@ -16,8 +16,8 @@ import typer
 
 from msrr_bullet.seeds import MAX_SEED
 from msrr_bullet.wall_limit import MAX_WALL_LIMIT_S
-from msrr_scenes.errors import SceneError
-from msrr_scenes.whole_files import write_whole
+from msrr_scenes.errors import MsrrError, SceneError
+from msrr_scenes.whole_files import write_named
 from msrr_scenes.wording import counted
 
 
@@ -262,29 +262,17 @@ def write_output(file: Path | None, text: str) -> None:
     if file == STANDARD_OUTPUT:
         sys.stdout.write(text)
     elif file is not None:
-        write_text(file, text)
+        write_named(file, text)
 
 
 def write_outputs(outputs: Iterable[tuple[Path | None, Callable[[], str]]]) -> None:
     """Write texts as :func:`write_output` does, those to files first; one that fails costs no other one."""
-    failed: SceneError | None = None
+    failed: MsrrError | None = None
     for file, text in sorted(outputs, key=lambda output: output[0] == STANDARD_OUTPUT):
         try:
             if file is not None:
                 write_output(file, text())
-        except SceneError as error:
+        except MsrrError as error:
             failed = failed or error
     if failed is not None:
         raise failed
-
-
-def write_text(file: Path, text: str) -> None:
-    """Write a file, all of it or nothing: an older one of that name is lost only when the new one is whole.
-
-    Raises:
-        SceneError: It cannot be written; the message names it, which the error of a full disk does not.
-    """
-    try:
-        write_whole(file, text)
-    except OSError as error:
-        raise SceneError(f"{file}: cannot be written ({error.strerror})") from None

@@ -16,9 +16,9 @@ from msrr_bullet.cli.options import (
     check_writable,
     parse_seed_range,
     use_one_thread_per_process,
-    write_text,
 )
-from msrr_scenes.errors import SceneError
+from msrr_scenes.errors import MsrrError, SceneError
+from msrr_scenes.whole_files import write_named
 
 #: Scene of the whole mission of ``msrr reproduce``.
 _MISSION = "two_units"
@@ -59,8 +59,8 @@ def tune(
         mapper = pool.map if pool is not None else None
         tuned = run_tuning(controller, part, budget, seed, mapper=mapper, observer=show_generation)
     try:
-        write_text(path, tuned_scene(tuned))
-    except SceneError:
+        write_named(path, tuned_scene(tuned))
+    except MsrrError:
         typer.echo(tuned_scene(tuned))  # it took minutes
         raise
     typer.echo(

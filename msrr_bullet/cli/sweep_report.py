@@ -40,10 +40,9 @@ def sweep_table(summary: SweepSummary, overrides: Sequence[str] = ()) -> Table:
     table.add_column("")
     for column in ("median", "95 %", "largest"):
         table.add_column(column, justify="right")
-    for step in summary.steps:
-        _add_steps(table, f"{step.unit} to {step.target}", step)
+    for name, figures in summary.docking_steps:
+        _add_steps(table, name, figures)
     if summary.mission is not None:
-        _add_steps(table, "all docking steps", summary.mission.docks)
         if summary.mission.docks_again.trials:
             _add_steps(table, "those at a port once more", summary.mission.docks_again)
         for name, values, unit in (

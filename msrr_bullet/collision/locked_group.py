@@ -16,8 +16,7 @@ NEIGHBOUR_MARGIN_M = 0.010
 
 def seat_pose(scene: Scene, step: DockStep) -> SE2:
     """Return the pose ``X_TU`` of the docking unit U in the frame of its target T when it is seated."""
-    X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
-    return X_TD @ scene.geometry(step.unit).port(step.port).inverse()
+    return scene.dock_frame(step) @ scene.geometry(step.unit).port(step.port).inverse()
 
 
 def locked_group(scene: Scene, locked: Iterable[DockStep], unit: str) -> dict[str, SE2]:

@@ -30,10 +30,6 @@ class Scenery(Protocol):
         """Add the obstacles that have appeared by ``now_s`` [s]."""
         ...
 
-    def close(self) -> None:
-        """Release the resources of the bodies; a second call does nothing."""
-        ...
-
 
 class KinematicPlant(Plant):
     """A plant of ideal unicycles behind the drive limits of Zheng et al., eq. 3."""
@@ -117,11 +113,6 @@ class KinematicPlant(Plant):
         for mechanism in self._ports.values():
             if (mechanism.dock_step.target_unit, mechanism.dock_step.target_port) == (unit, port):
                 mechanism.plugged = present
-
-    def close(self) -> None:
-        """Close the bodies that follow the units, if there are any."""
-        if self._world is not None:
-            self._world.close()
 
     def _build_mechanism(self, step: DockStep) -> KinematicPort:
         own, target = self._geometries[step.unit], self._geometries[step.target_unit]

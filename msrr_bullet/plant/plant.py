@@ -253,10 +253,6 @@ class Plant(ABC):
         """Plug the holes of a passive port, or clear them."""
 
     @abstractmethod
-    def close(self) -> None:
-        """Release the resources of the plant."""
-
-    @abstractmethod
     def _build_mechanism(self, step: DockStep) -> PortMechanism: ...
 
     def _drive(self, unit: str) -> Twist:

@@ -107,7 +107,8 @@ def perceive(
     with tempfile.TemporaryDirectory(prefix="msrr-perceive-") as folder, ExitStack() as lock:
         scene = target_scene(spec, target, Path(folder), calibration)
         if options.rate_hz is not None:
-            scene = _at_rate(scene, options.rate_hz)
+            onboard = scene.cameras.onboard.model_copy(update={"rate_hz": options.rate_hz})
+            scene = scene.with_camera("onboard", onboard)
         _refuse_unusable(scene, recording)  # before a run that is in the folder gives way to the new one
         if out is None:
             return _run(scene, spec, recording, NullRecorder(), report, observer)
@@ -167,11 +168,6 @@ def _opened(path: Path, spec: TargetSpec, target: Path, options: Options) -> Rec
         rate_hz=rate_hz,
         latency_ns=latency_ns,
     )
-
-
-def _at_rate(scene: Scene, rate_hz: float) -> Scene:
-    onboard = scene.cameras.onboard.model_copy(update={"rate_hz": rate_hz})
-    return scene.model_copy(update={"cameras": scene.cameras.model_copy(update={"onboard": onboard})})
 
 
 #: What is taken for granted of a target file that tells of no tolerance.

@@ -8,7 +8,6 @@ from typing import Annotated
 from pydantic import Field
 
 from msrr_bullet.reproduce.trial_series import DockingSeries, SeriesRecorder
-from msrr_bullet.studies.measures import SETTLED_M
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.timeline.path_following_series import PathFollowingSeries
 from msrr_bullet.trial.result import TrialResult
@@ -83,7 +82,7 @@ def measured_trial(scene: Scene, seed: int, code: str | None = None) -> Measured
     if path_following is not None:
         measures.update(path_following.measures())
     if docking is not None:
-        measures.update(docking.measures(SETTLED_M))
+        measures.update(docking.measures())
     contact = _last_contact(scene, result)
     if contact is not None:
         measures["contact"] = contact.time_s

@@ -11,6 +11,7 @@ import numpy as np
 from msrr_bullet.log import topics
 from msrr_bullet.log.records import TruePose
 from msrr_bullet.studies.docking_studies import docking_law
+from msrr_bullet.studies.measures import SETTLED_M
 from msrr_bullet.timeline.path_following_series import ControlInstant
 from msrr_control.docking.controller import ControlInputs, law_inputs
 from msrr_control.docking.corrected_law import CorrectedLawState
@@ -111,7 +112,7 @@ class DockingSeries:
         if until_s is not None and until_s >= seconds(last[0].action.stamp_ns):
             last = [i for i in last if seconds(i.action.stamp_ns) <= until_s]
         setup = DockSetup.of(scene, step)
-        X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
+        X_TD = scene.dock_frame(step)
 
         def poses(selected: list[ControlInstant]) -> Array:
             X_DU = [(i.true[step.target_unit] @ X_TD).inverse() @ i.true[step.unit] for i in selected]
@@ -135,23 +136,19 @@ class DockingSeries:
             twist=_speeds(time, pose),
         )
 
-    def measures(self, settled_m: float, window_s: float = 1.0) -> dict[str, float]:
+    def measures(self) -> dict[str, float]:
         """Return settling time [s], infinite for an approach that never settled, and final errors [m].
 
         The settling time is the time from which on the tip stays near the guidance trajectory to the end of
-        the approach. The final error is measured to the guidance trajectory and to the port's axis. A law
-        that follows no trajectory has the error to the port alone.
-
-        Args:
-            settled_m: Distance of the tip from the guidance trajectory below which it counts as settled [m].
-            window_s: Duration before the end over which the final error is the largest error [s].
+        the approach. The final error is the largest of the last second, measured to the guidance trajectory
+        and to the port's axis. A law that follows no trajectory has the error to the port alone.
         """
-        in_window = self.time >= self.time[-1] - window_s - _ROUNDING_S
+        in_window = self.time >= self.time[-1] - 1.0 - _ROUNDING_S
         to_port = {"port": float(np.abs(self.tip[in_window, 1]).max())}
         if np.isnan(self.reference).any():
             return to_port
         error = np.hypot(*(self.tip - self.reference).T)
-        beyond = np.flatnonzero(error > settled_m)
+        beyond = np.flatnonzero(error > SETTLED_M)
         first = int(beyond[-1]) + 1 if beyond.size else 0
         settling = float(self.time[first]) if first < len(error) else math.inf
         return {"settling": settling, "final": float(error[in_window].max()), **to_port}

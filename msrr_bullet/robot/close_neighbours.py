@@ -62,7 +62,7 @@ class CloseNeighbours:
             {name: limit for name, limit in limits.items() if limit < stop_m}
         )
         group = locked_group(scene, joints, step.target_unit)
-        self._X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
+        self._X_TD = scene.dock_frame(step)
         self._setup, self._sigmas = DockSetup.of(scene, step), sigmas
         self.offset = self._setup.offset
         self._seats = {name: self._X_TD.inverse() @ group[name] for name in self.limits}

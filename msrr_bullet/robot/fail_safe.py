@@ -37,18 +37,12 @@ R = TypeVar("R", bound=ObservableRobot)
 class FailSafeRobot(Generic[R]):
     """Runs a robot until its program fails. From then on it commands a standstill and knows nothing.
 
-    What the robot estimates is read once after each decision, so that a trial and its replay, which look at
-    it more or less often, run the same code.
+    What the robot estimates, which :class:`~msrr_bullet.robot.interface.ObservableRobot` lists, is read once
+    after each decision, so that a trial and its replay, which look at it more or less often, run the same
+    code.
 
     Attributes:
         failure: Error with which the program failed; None while it runs.
-        estimate: Pose estimate on which the last decision was based.
-        los: Line of sight on which the last decision was based.
-        arena: Estimate of all bodies in the arena on which the last decision was based.
-        monitor: Decision of the collision monitor on the last command; None without an overhead camera.
-        assembly: Progress of the long-distance phase at the last decision; None in other phases.
-        path: Path that the long-distance phase follows or followed last.
-        belief: Belief of the robot about the outcome of the step.
     """
 
     def __init__(self, build: Callable[[], R]) -> None:

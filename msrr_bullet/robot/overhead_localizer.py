@@ -95,8 +95,7 @@ class OverheadLocalizer:
         if step is None:
             self._estimator.aim(None, None)
         else:
-            X_TD = self._scene.geometry(step.target_unit).dock_frame(step.target_port)
-            self._estimator.aim(step.target_unit, X_TD)
+            self._estimator.aim(step.target_unit, self._scene.dock_frame(step))
 
     def receive(self, message: SensorMessage) -> None:
         """Process a sensor message; one that says nothing about the arena changes nothing."""

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from msrr_bullet.sensors.image_response import ImageResponse
 from msrr_bullet.sensors.kernels.readout import TILE, Shading, convert_light
+from msrr_scenes.arrays import frozen, read_only
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels
 
@@ -88,10 +89,8 @@ class ImageNoise:
             raise ValueError(f"{ideal.shape} pixels given for {window} with a margin of {r}")
         digest = hashlib.blake2b(frame.to_bytes(8, "little"), key=self._key, digest_size=9).digest()
         out = np.empty((window.height, window.width), dtype=np.uint8)
-        light = np.ascontiguousarray(ideal).view()
-        light.setflags(write=False)  # as kept pictures are: the kernel is compiled for one kind of array
         convert_light(
-            light,
+            read_only(np.ascontiguousarray(ideal)),  # as kept pictures are: one kind of array is compiled for
             self._kernel,
             window.x,
             window.y,
@@ -132,7 +131,4 @@ def _noise_tiles() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     They are the same for all cameras and trials. To go through a row from its end would take longer.
     """
     tile = np.random.Generator(np.random.PCG64(_TILE_SEED)).standard_normal((TILE, TILE), dtype=np.float32)
-    tiles = tile, np.ascontiguousarray(tile[:, ::-1])
-    for each in tiles:
-        each.setflags(write=False)
-    return tiles
+    return frozen(tile), frozen(np.ascontiguousarray(tile[:, ::-1]))

@@ -21,7 +21,7 @@ class BulletPlant(Plant):
     """A plant in which units dock by contact."""
 
     def __init__(self, world: BulletWorld) -> None:
-        """Take over ``world``; :meth:`close` closes it."""
+        """Move the units of ``world``, which whoever made it closes."""
         super().__init__(world.scene, world.built)
         self.world = world
         self._motors = {
@@ -108,10 +108,6 @@ class BulletPlant(Plant):
         elif not present and key in self._plugs:
             self.rouse(unit)
             self._plugs.pop(key).remove()
-
-    def close(self) -> None:
-        """Close the world."""
-        self.world.close()
 
     def _build_mechanism(self, step: DockStep) -> PinLock:
         lock = PinLock(self.world, step, self._scene.lock, self, self._switch_travel(step))

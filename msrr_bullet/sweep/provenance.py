@@ -25,7 +25,7 @@ def code_fingerprint(scene: Scene, *, imported: bool = False, own: bytes | None 
         scene: The scene.
         imported: Whether all of these files count as they were when this process imported them, or first
             asked: a process that lives on runs what it has imported, and one that it spawns what is there.
-        own: What :func:`own_code` has returned, for many scenes at once; None looks at the files again.
+        own: What :data:`own_code` has returned, for many scenes at once; None looks at the files again.
     """
     digest = hashlib.blake2b(digest_size=12)
     digest.update(_as_first_asked() if imported else own or own_code())
@@ -40,11 +40,6 @@ def _as_first_asked() -> bytes:
     return own_code()
 
 
-def own_code() -> bytes:
-    """Return a digest of the package versions and of every source file of this project, as they are now."""
-    return _own_code()
-
-
 def _read_own_code() -> tuple[bytes, list[Path]]:
     """Return a digest of the package versions and of every source file of this project, and these files."""
     digest = hashlib.blake2b(json.dumps(package_versions(), sort_keys=True).encode())
@@ -57,4 +52,5 @@ def _read_own_code() -> tuple[bytes, list[Path]]:
     return digest.digest(), files
 
 
-_own_code = FileCache(_read_own_code, most=1)
+#: Digest of the package versions and of every source file of this project, as they are when it is asked for.
+own_code = FileCache(_read_own_code, most=1)

@@ -166,6 +166,13 @@ class SweepSummary(BaseModel, frozen=True):
         """The outcome of a trial that succeeds."""
         return Outcome.DOCKED if self.mission is None else Outcome.COMPLETE
 
+    @property
+    def docking_steps(self) -> list[tuple[str, StepFigures]]:
+        """The docking steps of the scene by name; those of a mission are taken together."""
+        if self.mission is not None:
+            return [("all docking steps", self.mission.docks)]
+        return [(f"{step.unit} to {step.target}", step) for step in self.steps]
+
     def to_json(self) -> str:
         """Return the summary as indented JSON."""
         return self.model_dump_json(indent=2) + "\n"
@@ -173,13 +180,9 @@ class SweepSummary(BaseModel, frozen=True):
     def _repr_html_(self) -> str:
         """Return the summary as a notebook shows it: a table."""
         s = self.success
-        parts: list[tuple[str, StepFigures]] = [
-            (f"{step.unit} to {step.target}", step) for step in self.steps
-        ]
-        parts += [("all docking steps", self.mission.docks)] if self.mission is not None else []
         rows = [
             (f"{name}: {what}", *_cells(q))
-            for name, step in parts
+            for name, step in self.docking_steps
             for what, q in (
                 ("lateral error at first contact [mm]", step.contact_lateral_mm),
                 ("yaw error at first contact [deg]", step.contact_yaw_deg),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from msrr_bullet.statistics import Quantiles, interval_text
-from msrr_bullet.sweep.summary import StepFigures, SweepSummary
+from msrr_bullet.sweep.summary import SweepSummary
 from msrr_bullet.sweep.sweep import run_sweeps
 from msrr_bullet.sweep.trials import TrialObserver, one_trial
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
@@ -40,13 +40,6 @@ class Level(BaseModel, frozen=True):
 
     values: dict[str, str]
     summary: SweepSummary
-
-    @property
-    def steps(self) -> list[tuple[str, StepFigures]]:
-        """The docking steps of the scene by name; those of a mission are taken together."""
-        if self.summary.mission is not None:
-            return [("all docking steps", self.summary.mission.docks)]
-        return [(f"{step.unit} to {step.target}", step) for step in self.summary.steps]
 
 
 class Variation(BaseModel, frozen=True):
@@ -93,7 +86,7 @@ class Variation(BaseModel, frozen=True):
     @property
     def steps(self) -> list[str]:
         """The names of the docking steps that a level has, each once."""
-        return list(dict.fromkeys(name for level in self.levels for name, _ in level.steps))
+        return list(dict.fromkeys(name for level in self.levels for name, _ in level.summary.docking_steps))
 
     @property
     def _has_missions(self) -> bool:
@@ -120,7 +113,7 @@ class Variation(BaseModel, frozen=True):
         rows = []
         several = len(self.steps) > 1
         for level in self.levels:
-            s, steps = level.summary, level.steps
+            s = level.summary
             bounds = f"{100 * s.success.low:.1f} .. {100 * s.success.high:.1f}"
             cells = [
                 *((value, "") for value in level.values.values()),
@@ -128,7 +121,7 @@ class Variation(BaseModel, frozen=True):
             ]
             if self._has_missions:
                 cells.append(("", "") if s.mission is None else _median(s.mission.makespan_s))
-            for name, step in steps:
+            for name, step in s.docking_steps:
                 figures = (
                     _median(step.contact_lateral_mm),
                     _tail(step.contact_lateral_mm),

@@ -98,7 +98,7 @@ def plot_variation(variation: Variation, path: str | Path) -> Path:
             style = {"color": css(colour), "marker": marker, "linestyle": "-" if numbers else "none"}
             _draw_rates(rates, x, [level.summary for level in levels], fill(label, _LABEL), style)
             for axes, name in zip(errors, steps, strict=True):
-                figures = [dict(level.steps).get(name) for level in levels]
+                figures = [dict(level.summary.docking_steps).get(name) for level in levels]
                 _draw_errors(axes, x, [None if f is None else f.contact_lateral_mm for f in figures], style)
         rates.set(ylabel=f"share of trials\n{variation.goal}", ylim=(-0.03, 1.05))
         for axes, name in zip(errors, steps, strict=True):

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from itertools import groupby, pairwise
+from itertools import pairwise
 
 from msrr_bullet.timeline.mission_snapshot import Activity
+from msrr_bullet.timeline.series import spans
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_scenes.messages import Phase, seconds
 from msrr_scenes.messages.coordination import UnitState
@@ -61,39 +62,26 @@ class MissionEvent:
     text: str = ""
 
 
-def of_mission(snapshots: Sequence[Snapshot]) -> list[Snapshot]:
-    """Return the snapshots that show a mission of a base station."""
-    return [snapshot for snapshot in snapshots if snapshot.mission is not None]
-
-
 def activity_spans(snapshots: Sequence[Snapshot], unit: str) -> Iterator[Span]:
     """Yield what a unit did, in order of time, without gaps."""
-    shown = [(s, s.mission.activity(unit), s.mission.waits_for(unit)) for s in snapshots if s.mission]
-    start = 0
-    for (activity, waits_for), run in groupby(shown, key=lambda instant: instant[1:]):
-        end = start + len(list(run))
-        times = [seconds(shown[i][0].stamp_ns) for i in (start, end - (end == len(shown)))]
-        yield Span(activity, waits_for, *times)
-        start = end
+    shown = [(seconds(s.stamp_ns), s.mission) for s in snapshots if s.mission]
+    does = [(mission.activity(unit), mission.waits_for(unit)) for _, mission in shown]
+    for (activity, waits_for), start_s, end_s in spans([time_s for time_s, _ in shown], does):
+        yield Span(activity, waits_for, start_s, end_s)
 
 
 def silent_spans(snapshots: Sequence[Snapshot], unit: str) -> Iterator[tuple[float, float]]:
     """Yield beginning and end of the times in which the base station did not hear a unit [s]."""
-    shown = of_mission(snapshots)
-    start = 0
-    for silent, run in groupby(
-        shown, key=lambda s: bool(s.mission and s.mission.is_silent(unit, s.stamp_ns))
-    ):
-        end = start + len(list(run))
-        if silent:
-            stamps = shown[start].stamp_ns, shown[min(end, len(shown) - 1)].stamp_ns
-            yield seconds(stamps[0]), seconds(stamps[1])
-        start = end
+    shown = [(s.stamp_ns, s.mission) for s in snapshots if s.mission]
+    silent = [mission.is_silent(unit, stamp_ns) for stamp_ns, mission in shown]
+    for is_silent, start_s, end_s in spans([seconds(stamp_ns) for stamp_ns, _ in shown], silent):
+        if is_silent:
+            yield start_s, end_s
 
 
 def unit_events(snapshots: Sequence[Snapshot], unit: str) -> Iterator[MissionEvent]:
     """Yield what happened to a unit, in order of time."""
-    for before, after in pairwise(of_mission(snapshots)):
+    for before, after in pairwise(s for s in snapshots if s.mission):
         time_s = seconds(after.stamp_ns)
         for kind, text in _changes(before, after, unit):
             yield MissionEvent(kind, time_s, text)

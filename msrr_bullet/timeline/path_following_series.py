@@ -43,10 +43,8 @@ class PathFollowingSeries:
 
     Attributes:
         time: Shape (T,) [s].
-        pose: True axle pose, shape (T, 3).
         tip: True controlled point, shape (T, 2) [m].
         desired: Desired point on the path, as logged by the unit, shape (T, 2) [m].
-        command: Commanded forward velocity and turn rate, shape (T, 2) [m/s, rad/s].
         path: Number of the path that is followed, shape (T,).
         walled: An obstacle was being passed, shape (T,).
         arc_end: Time at which the desired point reached the end of the last arc of the last path [s]; NaN if
@@ -54,10 +52,8 @@ class PathFollowingSeries:
     """
 
     time: Array
-    pose: Array
     tip: Array
     desired: Array
-    command: Array
     path: NDArray[np.int64]
     walled: NDArray[np.bool_]
     arc_end: float
@@ -86,10 +82,8 @@ class PathFollowingSeries:
         past = [i for i, a in followed if a.path == last and 0.0 < a.arc_end <= a.s]
         return cls(
             time=np.array([seconds(i.action.stamp_ns) for i, _ in followed]),
-            pose=pose,
             tip=offset_point(pose, offset),
             desired=np.array([a.desired for _, a in followed]),
-            command=np.array([[i.action.twist.v, i.action.twist.w] for i, _ in followed]),
             path=np.array([a.path for _, a in followed]),
             walled=np.array([a.avoiding is not None for _, a in followed]),
             arc_end=seconds(past[0].action.stamp_ns) if past else math.nan,

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import LosStatus, MonitorState, Phase, seconds
 from msrr_scenes.specs.scene import Scene
 
+T = TypeVar("T")
 Mask = NDArray[np.bool_]
 
 _UNKNOWN = (math.nan, math.nan)
@@ -138,11 +140,17 @@ def phase_spans(
     times: Sequence[float], phases: Sequence[Phase | None]
 ) -> Iterator[tuple[Phase, float, float]]:
     """Yield every phase with start and end time, for phases given at a sequence of times [s]."""
-    start = 0
-    for phase, run in groupby(phases):
-        end = start + len(list(run))
+    for phase, start, end in spans(times, phases):
         if phase is not None:
-            yield phase, times[start], times[min(end, len(times) - 1)]
+            yield phase, start, end
+
+
+def spans(times: Sequence[float], values: Sequence[T]) -> Iterator[tuple[T, float, float]]:
+    """Yield every value that stays for a while with start and end time, where the next one starts."""
+    start = 0
+    for value, run in groupby(values):
+        end = start + len(list(run))
+        yield value, times[start], times[min(end, len(times) - 1)]
         start = end
 
 

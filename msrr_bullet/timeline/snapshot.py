@@ -161,6 +161,11 @@ def step_histories(
     return histories
 
 
+def moving_units(snapshots: Iterable[Snapshot]) -> list[str]:
+    """Return the units that have a step, in the order in which their first ones began."""
+    return list(dict.fromkeys(step.unit for snapshot in snapshots for step in snapshot.steps))
+
+
 def unit_of_curves(snapshots: Iterable[Snapshot], unit: str | None = None) -> str | None:
     """Return the unit to which curves over time have to be confined.
 
@@ -173,7 +178,7 @@ def unit_of_curves(snapshots: Iterable[Snapshot], unit: str | None = None) -> st
         MsrrError: The unit has no step.
     """
     snapshots = list(snapshots)
-    units = list(dict.fromkeys(step.unit for snapshot in snapshots for step in snapshot.steps))
+    units = moving_units(snapshots)
     if unit is not None:
         if unit not in units:
             raise MsrrError(

@@ -32,7 +32,7 @@ _OF_DECISIONS = (PoseEstimate, ArenaEstimate, LosObservation, CollisionMonitorSt
 
 def target_frame(scene: Scene, step: DockStep, units: Mapping[str, SE2]) -> SE2:
     """Return the dock frame ``X_WD`` of a step's target, for units at the poses ``X_WU`` given."""
-    return units[step.target_unit] @ scene.geometry(step.target_unit).dock_frame(step.target_port)
+    return units[step.target_unit] @ scene.dock_frame(step)
 
 
 class SnapshotBuilder:
@@ -148,7 +148,7 @@ class SnapshotBuilder:
             believed = situation.own.X_WB
         elif estimate is not None and step is not None:
             if step.to not in self._X_BD:  # asking the scene for it looks at files
-                self._X_BD[step.to] = self._scene.geometry(step.target_unit).dock_frame(step.target_port)
+                self._X_BD[step.to] = self._scene.dock_frame(step)
             believed = self._units[step.target_unit] @ self._X_BD[step.to] @ estimate.X_DU
             covariance = estimate.covariance
         return StepSnapshot(

@@ -58,5 +58,4 @@ def with_response(scene: Scene, error: float, *, camera: str, key: str) -> Scene
             changed = value * 2.0**error
         case "lose":
             changed = round((100 if value is None else value) - error)
-    new = type(spec).model_validate({**spec.model_dump(), key: changed})
-    return scene.model_copy(update={"cameras": scene.cameras.model_copy(update={camera: new})})
+    return scene.with_camera(camera, type(spec).model_validate({**spec.model_dump(), key: changed}))

@@ -80,7 +80,7 @@ class Judge:
         self._X_UP = SE3.from_se2(self._X_UP_plane, geometry.pin_height)
         mechanism = PinAndHole.of(geometry, step.port, scene.geometry(step.target_unit), step.target_port)
         self.zone, self._play = DockingZone.of(mechanism), mechanism.play
-        self.X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
+        self.X_TD = scene.dock_frame(step)
         self._X_TD = SE3.from_se2(self.X_TD)
         self._unit, self._target = step.unit, step.target_unit
         self._X_WT, self._X_WD = SE2(), self.X_TD  # of the target when it was looked at last

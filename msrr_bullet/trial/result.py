@@ -100,10 +100,9 @@ class TrialResult(Record):
 
     def _repr_html_(self) -> str:
         """Return the result as a notebook shows it: a table, and picture and page of the run."""
-        title = f"{self.scene}, seed {self.seed} ({self.plant}, {self.perception}, {self.as_built})"
         rows = [
             (
-                f"{step.unit} {'from' if step.undocks else 'to'} {step.target}",
+                step.task,
                 step.belief.replace("_", " "),
                 step.outcome.value,
                 f"{1e3 * step.contact.lateral_m:z.2f} mm" if step.contact else "",
@@ -112,12 +111,17 @@ class TrialResult(Record):
             for step in self.steps
         ]
         head = ("step", "belief", "truth", "lateral at contact", "end")
-        table = html_table(f"{title}: {self.outcome.value} ({self.reason})", rows, head)
+        table = html_table(f"{self.title}: {self.outcome.value} ({self.reason})", rows, head)
         if self.folder is None:
             return table
         from msrr_bullet.run_folder import run_html  # it loads the log and with it OpenCV, which few need
 
         return table + run_html(self.folder)
+
+    @property
+    def title(self) -> str:
+        """Which trial it was, in words."""
+        return f"{self.scene}, seed {self.seed} ({self.plant}, {self.perception}, {self.as_built})"
 
     @property
     def docked(self) -> bool:

@@ -159,6 +159,11 @@ class StepResult(Record):
     overhead_exposures: ExposureCounts | None = None
 
     @property
+    def task(self) -> str:
+        """What the unit was to do, such as ``a to b.rear``; with ``from`` where it was to undock."""
+        return f"{self.unit} {'from' if self.undocks else 'to'} {self.target}"
+
+    @property
     def docked(self) -> bool:
         """Whether the unit was seated and locked, passed the pull test, and believed so."""
         return self.outcome is Outcome.DOCKED

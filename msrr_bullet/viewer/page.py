@@ -29,10 +29,9 @@ from msrr_bullet.timeline.palette import (
     css,
     unit_colours,
 )
-from msrr_bullet.timeline.snapshot import Snapshot
+from msrr_bullet.timeline.snapshot import Snapshot, moving_units
 from msrr_bullet.timeline.still import Still
 from msrr_bullet.viewer.commands import Command, viewer_script
-from msrr_bullet.viewer.plots import moving_units
 from msrr_bullet.viewer.readings import HEADINGS, UNIT_READINGS, labels
 from msrr_bullet.viewer.replay_data import camera_data, replay_data
 from msrr_scenes.messages import OVERHEAD, onboard_camera

@@ -10,7 +10,7 @@ import numpy as np
 
 from msrr_bullet.timeline.palette import BELIEF, CLEARANCE, GREEN, PATH, PLAN, VERMILLION, css
 from msrr_bullet.timeline.series import TrialSeries
-from msrr_bullet.timeline.snapshot import Snapshot, of_unit
+from msrr_bullet.timeline.snapshot import Snapshot, moving_units, of_unit
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.scene import Scene
 
@@ -22,11 +22,6 @@ LINEAR_RANGE, LINEAR_CLEARANCE = 1.0, 50.0
 MAX_POINTS = 1500
 #: Significant digits of the values, and decimal places of the times [s].
 _DIGITS, _TIME_PLACES = 4, 3
-
-
-def moving_units(snapshots: Sequence[Snapshot]) -> list[str]:
-    """Return the units that have a step, in the order in which their first ones began."""
-    return list(dict.fromkeys(step.unit for snapshot in snapshots for step in snapshot.steps))
 
 
 def plots_of_run(scene: Scene, snapshots: Sequence[Snapshot]) -> dict[str, list[Plot]]:

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from msrr_scenes.errors import MsrrError
+
 
 def part_of(file: Path, ending: str = ".part") -> Path:
     """Return the path of a part of a file: in the same folder, to be moved within one disk."""
@@ -61,3 +63,15 @@ def write_whole(file: Path, content: str | bytes) -> None:
     """
     with whole_file(file) as part:
         part.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def write_named(file: Path, content: str | bytes) -> None:
+    """Write a file as :func:`write_whole` does, with an error that always names it.
+
+    Raises:
+        MsrrError: It cannot be written.
+    """
+    try:
+        write_whole(file, content)
+    except OSError as error:
+        raise MsrrError(f"{file}: cannot be written ({error.strerror})") from None

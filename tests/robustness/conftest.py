@@ -141,7 +141,7 @@ def _render(shipped: Callable[..., Scene], gaps: tuple[float, float], count: int
         BulletWorld(scene, placement, tags=TagVisuals(scene, Path(folder))) as world,
     ):
         renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
-        X_WD = world.pose(step.target_unit) @ scene.geometry(step.target_unit).dock_frame(step.target_port)
+        X_WD = world.pose(step.target_unit) @ scene.dock_frame(step)
         for _ in range(count):
             x = -rng.uniform(*gaps) - target.front
             side, off = np.radians(rng.uniform(-12.0, 12.0, 2))

@@ -257,7 +257,7 @@ def approach(scene: Scene, seed: int) -> list[tuple[float, np.ndarray]]:
     recorder, step = MemoryRecorder(), scene.plan[0]
     Trial(scene, seed, recorder=recorder).run()
     target = TargetModel.from_scene(scene, step)
-    X_target_D = scene.geometry(step.target_unit).dock_frame(step.target_port)
+    X_target_D = scene.dock_frame(step)
     truth = {(m.name, ns): m.X_WB for _, ns, m in recorder.messages if isinstance(m, TruePose)}
     found = []
     for _, ns, m in recorder.messages:

@@ -39,8 +39,7 @@ def check_assembly(scene: Scene) -> None:
         if close_range.get(step.unit) is not step:
             setup.check(params.pace.cruise_mps, params.widest_obstacle_m, params.route.border_m)
             if step.target_unit not in moved:
-                X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
-                end = params.route.handover(placed[step.target_unit] @ X_TD)
+                end = params.route.handover(placed[step.target_unit] @ scene.dock_frame(step))
                 bodies = _standing_bodies(scene, step, setup, placed, moved)
                 _check_end(scene, f"plan.{scene.docks.index(step)}", step, setup, end, bodies)
         moved.add(step.unit)
@@ -86,7 +85,7 @@ def check_time(scene: Scene) -> None:
         setup = DockSetup.of(scene, step)
         promised = promised_speed(build_controller(scene.control.docking, setup), setup.limits)
         approach = promised or scene.limits.v_max_mps
-        X_WD = placed[step.target_unit] @ scene.geometry(step.target_unit).dock_frame(step.target_port)
+        X_WD = placed[step.target_unit] @ scene.dock_frame(step)
         X_UP = scene.geometry(step.unit).port(step.port)
         X_DP = X_WD.inverse() @ placed[step.unit] @ X_UP
         if close_range.get(step.unit) is step:

@@ -65,8 +65,8 @@ class AssemblySetup:
     @classmethod
     def of(cls, scene: Scene, step: DockStep) -> AssemblySetup:
         """Read the facts of a step of the plan from the scene and the units' URDFs."""
-        X_TD = scene.geometry(step.target_unit).dock_frame(step.target_port)
-        return replace(cls.without_target(scene, step.unit, step.port), target=step.target_unit, X_TD=X_TD)
+        setup = cls.without_target(scene, step.unit, step.port)
+        return replace(setup, target=step.target_unit, X_TD=scene.dock_frame(step))
 
     @classmethod
     def without_target(cls, scene: Scene, unit: str, port: str) -> AssemblySetup:

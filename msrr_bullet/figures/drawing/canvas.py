@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from msrr_bullet.figures.drawing.figure_file import write_figure
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.whole_files import write_named
 
 Image = NDArray[np.uint8]
 Point = tuple[float, float]
@@ -239,7 +239,9 @@ def write_png(path: Path, image: Image) -> Path:
     Raises:
         MsrrError: The image cannot be encoded, or the file cannot be written.
     """
+    # It is encoded in memory, because OpenCV does not say why it cannot write a file.
     encoded, data = cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 6])
     if not encoded:
         raise MsrrError(f"{path}: cannot make a PNG of an image of shape {image.shape}")
-    return write_figure(path, data.tobytes())
+    write_named(path, data.tobytes())
+    return path

@@ -12,9 +12,9 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from msrr_bullet.figures.drawing.figure_file import write_figure
 from msrr_bullet.timeline.palette import BLACK, BLUE, GREEN, OBSTACLE, ORANGE, PURPLE, VERMILLION, css
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.whole_files import write_named
 
 DPI = 110
 
@@ -106,7 +106,9 @@ def save(figure: Figure, path: Path) -> Path:
         MsrrError: The ending names no such format, or the file cannot be written.
     """
     check_format(path)
+    # It is made in memory, because matplotlib writes a file piece by piece.
     ending, content = path.suffix.lower(), BytesIO()
     with rc_context({"svg.hashsalt": "msrr"}):
         figure.savefig(content, format=ending[1:], metadata=_METADATA[ending])
-    return write_figure(path, content.getvalue())
+    write_named(path, content.getvalue())
+    return path

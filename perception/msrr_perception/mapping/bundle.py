@@ -1,8 +1,8 @@
 """The equations of bundle adjustment: the corners of all tags in all views, projected, with derivatives.
 
 Every pose moves away from where it was by a rotation vector w and a shift d: ``R = exp(w) R0``, ``p = p0 +
-d``. The reference tag does not move; without it the map could be anywhere. Source: B. Triggs et al.,
-"Bundle adjustment, a modern synthesis", Vision Algorithms, 1999.
+d``. The reference tag does not move; without it the map could be anywhere. Sources: B. Triggs et al.,
+"Bundle adjustment, a modern synthesis", Vision Algorithms, 1999; J. Sola et al., "A micro Lie theory", 2018.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
+from scipy.spatial.transform import Rotation
 
-from msrr_perception.mapping.rotations import exponential, hat
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.se3 import SE3
@@ -129,9 +129,9 @@ class Bundle:
         return replace(
             self,
             lens=self._moved_lens(step),
-            R_CM=exponential(view[:, :3]) @ self.R_CM,
+            R_CM=Rotation.from_rotvec(view[:, :3]).as_matrix() @ self.R_CM,
             p_CM=self.p_CM + view[:, 3:],
-            R_MT=exponential(tag[:, :3]) @ self.R_MT,
+            R_MT=Rotation.from_rotvec(tag[:, :3]).as_matrix() @ self.R_MT,
             p_MT=self.p_MT + tag[:, 3:],
         )
 
@@ -144,8 +144,8 @@ class Bundle:
         corners_C = self.corners_C(seen)
         _, by_point, by_lens = self.project(corners_C)
         by_place = by_point @ self.R_CM[seen.view, np.newaxis]
-        turn_view = -by_point @ hat(corners_C - self.p_CM[seen.view, np.newaxis])
-        turn_tag = -by_place @ hat(self._corners_from_tag(seen))
+        turn_view = -by_point @ _hat(corners_C - self.p_CM[seen.view, np.newaxis])
+        turn_tag = -by_place @ _hat(self._corners_from_tag(seen))
         blocks = [
             (6 * seen.view, np.concatenate([turn_view, by_point], axis=-1)),
             (self.tag_columns[seen.tag], np.concatenate([turn_tag, by_place], axis=-1)),
@@ -213,3 +213,10 @@ class Bundle:
             by_plane @ plane_by_point,
             by_lens.reshape(*z.shape, 2, len(LENS_ENTRIES)),
         )
+
+
+def _hat(vectors: Array) -> Array:
+    """Return the matrices of the cross products with vectors, shapes (..., 3) and (..., 3, 3)."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    o = np.zeros_like(x)
+    return np.stack([o, -z, y, z, o, -x, -y, x, o], axis=-1).reshape(*vectors.shape, 3)

@@ -162,8 +162,7 @@ def _unseen(scene: Scene) -> Iterator[Problem]:
     steps = close_range_steps(scene)
     aimed: set[str] = set()
     for unit, step in steps.items():
-        target = scene.geometry(step.target_unit).dock_frame(step.target_port)
-        X_DU = (placed[step.target_unit] @ target).inverse() @ placed[unit]
+        X_DU = (placed[step.target_unit] @ scene.dock_frame(step)).inverse() @ placed[unit]
         if target_in_cone(X_DU, scene.geometry(unit), scene.los):
             aimed |= {unit, step.target_unit}
             continue

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from msrr_scenes.arrays import Array
+from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.geometry.se2 import SE2
 
 
@@ -27,12 +27,6 @@ def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> Array:
     )
 
 
-def _frozen(values: ArrayLike, shape: tuple[int, ...]) -> Array:
-    array = np.array(values, dtype=np.float64).reshape(shape)
-    array.setflags(write=False)
-    return array
-
-
 @dataclass(frozen=True, eq=False)
 class SE3:
     """A rigid motion of space.
@@ -46,8 +40,8 @@ class SE3:
     p: Array = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "R", _frozen(self.R, (3, 3)))
-        object.__setattr__(self, "p", _frozen(self.p, (3,)))
+        object.__setattr__(self, "R", frozen(np.array(self.R, dtype=np.float64).reshape(3, 3)))
+        object.__setattr__(self, "p", frozen(np.array(self.p, dtype=np.float64).reshape(3)))
 
     @classmethod
     def from_xyz_rpy(cls, xyz: ArrayLike, rpy: ArrayLike) -> SE3:

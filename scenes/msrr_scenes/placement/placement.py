@@ -187,5 +187,5 @@ def _pair(step: DockStep) -> set[str]:
 
 
 def _sees_target(scene: Scene, step: DockStep, units: Mapping[str, SE2]) -> bool:
-    X_WD = units[step.target_unit] @ scene.geometry(step.target_unit).dock_frame(step.target_port)
+    X_WD = units[step.target_unit] @ scene.dock_frame(step)
     return target_in_cone(X_WD.inverse() @ units[step.unit], scene.geometry(step.unit), scene.los)

@@ -12,6 +12,7 @@ from pydantic import Field, PrivateAttr, model_validator
 
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.measured_markers import with_markers
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, find_urdf, read_unit
 from msrr_scenes.html import html_table
 from msrr_scenes.specs.as_built import GRADES, AsBuiltSpec, Grade, graded_odometry, graded_optics
@@ -179,6 +180,10 @@ class Scene(Spec):
         """Return the scene as robots and base station are told it: without true errors and without faults."""
         return self.model_copy(update={"as_built": self.as_built.told(), "faults": ()})
 
+    def with_camera(self, name: str, spec: CameraSpec) -> Scene:
+        """Return the scene with another data sheet of the camera ``onboard`` or ``overhead``."""
+        return self.model_copy(update={"cameras": self.cameras.model_copy(update={name: spec})})
+
     def at_grade(self, grade: Grade) -> Scene:
         """Return the scene at another grade of the workmanship, with its data sheets, without given errors.
 
@@ -250,6 +255,10 @@ class Scene(Spec):
             poses = tuple((slot, tag.position_m, tag.quaternion_xyzw) for slot, tag in tags)
             measured.append((anchor, poses))
         return with_markers(drawn, tuple(measured))
+
+    def dock_frame(self, step: DockStep) -> SE2:
+        """Return the frame D of the port that a step docks to, in the frame of its target T: ``X_TD``."""
+        return self.geometry(step.target_unit).dock_frame(step.target_port)
 
     def _drawn(self, unit: str) -> UnitGeometry:
         beside, spec = self.source.parent if self.source else None, self.units[unit]

@@ -17,7 +17,7 @@ from msrr_bullet.cli.options import (
     run_or_last,
     write_output,
 )
-from msrr_scenes.errors import SceneError
+from msrr_scenes.errors import MsrrError, SceneError
 
 Room = Callable[[int], AbstractContextManager[None]]
 
@@ -84,7 +84,7 @@ def test_a_file_that_cannot_be_written_whole_leaves_the_older_one(tmp_path: Path
     older.write_text("older")
     older.chmod(0o640)
     link.symlink_to(older)
-    with room(100), pytest.raises(SceneError, match="cannot be written"):
+    with room(100), pytest.raises(MsrrError, match="cannot be written"):
         write_output(link, "x" * 1000)
     assert older.read_text() == "older"
     write_output(link, "newer")

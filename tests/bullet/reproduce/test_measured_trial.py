@@ -18,7 +18,7 @@ def test_trials_of_the_real_loop_are_measured(blind_loop: dict[str, str]) -> Non
     assert long is not None
     assert close is not None
     assert long.measures()["tracking"] < 0.05
-    measures = close.measures(0.015)
+    measures = close.measures()
     assert measures["final"] < 0.01
     # The guidance trajectory computed again ends beyond the face and starts beside the tip.
     assert abs(close.reference[0, 0] - close.tip[0, 0]) < 0.02

@@ -50,7 +50,7 @@ def test_one_definition_for_both_plants() -> None:
     never = 0
     for _ in range(60):
         off = np.abs(rng.normal(0.0, 0.03)) * np.exp(-DT * np.arange(100)) + rng.uniform(0.0, 0.02)
-        found = _series(off).measures(0.015)
+        found = _series(off).measures()
         # With the contact at the end, without one, and with one that more time comes after.
         for study in (_study(off, 99), _study(off, -1), _study(np.append(off, np.full(9, 0.5)), 99)):
             assert found["settling"] == pytest.approx(study.settling_time(0.015)[0])
@@ -62,13 +62,13 @@ def test_one_definition_for_both_plants() -> None:
 
 def test_a_trial_that_leaves_the_bound_again_is_not_settled_before() -> None:
     off = np.full(100, 0.001)
-    assert _series(off).measures(0.015)["settling"] == 0.0
+    assert _series(off).measures()["settling"] == 0.0
     off[40] = 0.02
-    assert _series(off).measures(0.015)["settling"] == pytest.approx(41 * DT)
+    assert _series(off).measures()["settling"] == pytest.approx(41 * DT)
     off[98] = 0.016
-    assert _series(off).measures(0.015)["settling"] == pytest.approx(99 * DT)
+    assert _series(off).measures()["settling"] == pytest.approx(99 * DT)
     off[99] = 0.016
-    assert _series(off).measures(0.015)["settling"] == math.inf
+    assert _series(off).measures()["settling"] == math.inf
     assert _study(off, 99).settling_time(0.015)[0] == math.inf
     assert _study(off, 60).settling_time(0.015)[0] == pytest.approx(41 * DT)
 
@@ -76,11 +76,9 @@ def test_a_trial_that_leaves_the_bound_again_is_not_settled_before() -> None:
 def test_the_final_error_is_the_largest_of_the_last_second() -> None:
     off = np.full(101, 0.001)
     off[50] = 0.009  # a second before the end
-    assert _series(off).measures(0.015)["final"] == pytest.approx(0.009)
-    assert _series(off).measures(0.015, window_s=0.9)["final"] == pytest.approx(0.001)
+    assert _series(off).measures()["final"] == pytest.approx(0.009)
     off[49] = 0.011  # before that
-    assert _series(off).measures(0.015)["final"] == pytest.approx(0.009)
-    assert _series(off).measures(0.015, window_s=1.1)["final"] == pytest.approx(0.011)
+    assert _series(off).measures()["final"] == pytest.approx(0.009)
 
 
 def test_a_target_lost_in_an_earlier_attempt_was_not_kept(blind_loop: dict[str, str]) -> None:

@@ -13,10 +13,8 @@ def test_each_path_of_the_loop_counts_for_itself() -> None:
     old, new = np.stack([x, np.zeros(20)], axis=-1), np.stack([x, np.ones(20)], axis=-1)
     series = PathFollowingSeries(
         time=0.02 * np.arange(40),
-        pose=np.zeros((40, 3)),
         tip=np.concatenate([old, old]),
         desired=np.concatenate([old, new]),
-        command=np.zeros((40, 2)),
         path=np.repeat([1, 2], 20),
         walled=np.zeros(40, dtype=bool),
         arc_end=math.nan,

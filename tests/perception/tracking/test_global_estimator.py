@@ -156,7 +156,7 @@ def estimator_of(scene: Scene, model: OverheadModel, **options: Any) -> GlobalEs
     step = scene.docks[0]
     target = TargetModel.from_scene(scene, step)
     estimator = GlobalEstimator(model, step.unit, target, scene.odometry, **options)
-    estimator.aim(step.target_unit, scene.geometry(step.target_unit).dock_frame(step.target_port))
+    estimator.aim(step.target_unit, scene.dock_frame(step))
     return estimator
 
 

@@ -12,9 +12,9 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from msrr_bullet.figures.drawing.canvas import write_png
-from msrr_bullet.figures.drawing.figure_file import write_figure
 from msrr_bullet.figures.plots.style import new_figure, save
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.whole_files import write_named
 
 Room = Callable[[int], AbstractContextManager[None]]
 Write = Callable[[Path], Path]
@@ -54,7 +54,7 @@ def test_a_disk_without_any_room_is_named_by_the_name_that_was_given(tmp_path: P
     link = tmp_path / "plot.png"
     link.symlink_to("/dev/full")
     with pytest.raises(MsrrError, match=r"plot\.png: cannot be written \(No space left on device\)"):
-        write_figure(link, b"picture")
+        write_named(link, b"picture")
     assert os.listdir(tmp_path) == ["plot.png"]
 
 
