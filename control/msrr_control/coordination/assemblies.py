@@ -8,14 +8,16 @@ units of an assembly have one pose together, which is fitted to all that is seen
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.shapes.bodies import Body
+from msrr_control.shapes.precedence import compose
 from msrr_control.tracks.route_request import Standing
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
+from msrr_scenes.messages import GlobalPose
 from msrr_scenes.messages.coordination import UnitState
 
 #: Play of a unit in a port, in x and y [m] and yaw [rad]: one standard deviation.
@@ -95,25 +97,39 @@ def _assemblies(docks: Mapping[str, tuple[str, str]], body: Body) -> Iterator[di
 
 
 def _fit(assembly: Mapping[str, SE2], units: Mapping[str, UnitRecord]) -> None:
-    """Set the poses of the units of an assembly to those that fit best to all that is seen of them.
-
-    It minimises the sum of squares, weighted by the covariance that each sight has against bodies near it and
-    by the play of the ports, by Gauss-Newton over the pose of the first unit. What all sights are off
-    together, because they are of the same camera, stays.
-    """
-    seen = [(X_AU, sight) for name, X_AU in assembly.items() if (sight := units[name].sight) is not None]
+    """Set the poses of the units of an assembly to those that fit best to all that is seen of them."""
     X_WA = units[next(iter(assembly))].pose
-    for _ in range(_ITERATIONS if seen else 0):
-        information, gradient = np.zeros((3, 3)), np.zeros(3)
-        for X_AU, sight in seen:
-            X_WU, X_WB = X_WA @ X_AU, sight.X_WB
-            residual = np.array([X_WB.x - X_WU.x, X_WB.y - X_WU.y, wrap_angle(X_WB.yaw - X_WU.yaw)])
-            jacobian = np.eye(3)
-            jacobian[:2, 2] = X_WA.y - X_WU.y, X_WU.x - X_WA.x
-            weight = np.linalg.inv(sight.relative + np.diag(_PLAY**2))
-            information += jacobian.T @ weight @ jacobian
-            gradient += jacobian.T @ weight @ residual
-        x, y, yaw = np.linalg.solve(information, gradient).tolist()
-        X_WA = SE2(X_WA.x + x, X_WA.y + y, X_WA.yaw + yaw)
+    sights = {name: sight for name in assembly if (sight := units[name].sight) is not None}
+    if sights:
+        X_WA = _fitted(X_WA, [assembly[name] for name in sights], list(sights.values()))
     for name, X_AU in assembly.items():
         units[name].X_WU = X_WA @ X_AU
+
+
+def _fitted(X_WA: SE2, places: Sequence[SE2], sights: Sequence[GlobalPose]) -> SE2:
+    """Return the pose of the first unit of an assembly that fits best to what is seen of some of its units.
+
+    It minimises the sum of squares, weighted by the covariance that each sight has against bodies near it and
+    by the play of the ports, by Gauss-Newton. What all sights are off together, because they are of the same
+    camera, stays.
+
+    Args:
+        X_WA: Where the search begins, some centimetres and degrees off at most.
+        places: Pose of each unit in the first one.
+        sights: What is seen of each.
+    """
+    placed = np.array([X_AU.as_array() for X_AU in places])
+    seen = np.array([sight.X_WB.as_array() for sight in sights])
+    weights = np.linalg.inv(np.array([sight.relative for sight in sights]) + np.diag(_PLAY**2))
+    for _ in range(_ITERATIONS):
+        poses = compose(X_WA, placed)
+        residuals = seen - poses
+        residuals[:, 2] = np.remainder(residuals[:, 2] + math.pi, 2.0 * math.pi) - math.pi
+        jacobians = np.tile(np.eye(3), (len(poses), 1, 1))
+        jacobians[:, 0, 2], jacobians[:, 1, 2] = X_WA.y - poses[:, 1], poses[:, 0] - X_WA.x
+        weighted = jacobians.transpose(0, 2, 1) @ weights
+        information = (weighted @ jacobians).sum(axis=0)
+        gradient = (weighted @ residuals[:, :, None]).sum(axis=0)[:, 0]
+        x, y, yaw = np.linalg.solve(information, gradient).tolist()
+        X_WA = SE2(X_WA.x + x, X_WA.y + y, X_WA.yaw + yaw)
+    return X_WA
