@@ -72,8 +72,7 @@ def _is_held(unit: UnitRecord, holder: UnitRecord, port: str, body: Body) -> boo
     """Return whether a unit that was locked to a port still stands there."""
     if unit.under_way or holder.under_way or unit.X_WU is None or holder.X_WU is None:
         return False
-    seen, at = (u.pose if u.sight is None else u.sight.X_WB for u in (unit, holder))
-    return is_same_place(seen, body.docked(at, port))
+    return is_same_place(unit.pose, body.docked(holder.pose, port))
 
 
 def _assemblies(docks: Mapping[str, tuple[str, str]], body: Body) -> Iterator[dict[str, SE2]]:

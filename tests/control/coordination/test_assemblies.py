@@ -54,10 +54,11 @@ def _off(X_WA: SE2, X_WB: SE2) -> Array:
 
 
 def test_sights_without_errors_stay_as_they_are(setup: CoordinationSetup) -> None:
+    """Also where they are said to have none."""
     body, rng = setup.lanes.body, np.random.default_rng(0)
-    for _ in range(20):
+    for sigma in (SIGMA, 0.0 * SIGMA) * 10:
         poses = _poses(body, SE2(*rng.uniform(-1.0, 1.0, 2), rng.uniform(-math.pi, math.pi)))
-        units = _seen(poses)
+        units = _seen(poses, sigma)
         locate(units, body)
         for name, X_WU in poses.items():
             assert _off(units[name].pose, X_WU).max() < 1e-12
@@ -121,17 +122,40 @@ def test_a_unit_that_is_hidden_is_where_its_dock_puts_it(setup: CoordinationSetu
         assert _off(units[name].pose, X_WU).max() < 2e-4
 
 
-def test_a_unit_that_is_seen_away_from_its_port_is_not_in_it(setup: CoordinationSetup) -> None:
-    """It may have left unheard; and one that is under way may be anywhere."""
+def test_what_all_sights_are_off_together_says_nothing_of_which_is_better(setup: CoordinationSetup) -> None:
+    """They are all 20 cm unsure, by the same camera; one of them is hardly off against the others."""
     body = setup.lanes.body
-    for off, state in ((0.3, UnitState.LOST), (0.05, UnitState.UNDER_WAY)):
-        poses = _poses(body, SE2(0.3, -0.2, 0.7))
-        poses["e"] = poses["e"] @ SE2(-off)
-        units = _seen(poses)
-        units["e"].state = state
-        locate(units, body)
-        for name, X_WU in poses.items():
-            assert _off(units[name].pose, X_WU).max() < 1e-12
+    true = _poses(body, SE2(0.3, -0.2, 0.7))
+    units, shared = _seen(true), np.diag([0.04, 0.04, 0.0])
+    for name, X_WU in true.items():
+        sigma = 0.01 * SIGMA if name == "c" else SIGMA
+        shown = X_WU if name == "c" else X_WU @ SE2(0.02, 0.0, 0.03)
+        units[name].observe(GlobalPose(name, 2, shown, np.diag(sigma**2) + shared, shared), 2)
+    locate(units, body)
+    assert _off(units["c"].pose, true["c"]).max() < 0.003
+
+
+@pytest.mark.parametrize(
+    ("name", "off", "state"),
+    [
+        ("e", SE2(-0.3), UnitState.LOST),
+        ("e", SE2(0.0, 0.0, 0.5), UnitState.LOST),
+        ("e", SE2(-0.05), UnitState.UNDER_WAY),
+        ("d", SE2(-0.05), UnitState.UNDER_WAY),
+    ],
+)
+def test_a_unit_that_is_seen_away_from_its_port_is_not_in_it(
+    name: str, off: SE2, state: UnitState, setup: CoordinationSetup
+) -> None:
+    """It may have left unheard; and one that is under way may be anywhere, with or without its load."""
+    body = setup.lanes.body
+    poses = _poses(body, SE2(0.3, -0.2, 0.7))
+    poses[name] = poses[name] @ off
+    units = _seen(poses)
+    units[name].state = state
+    locate(units, body)
+    for other, X_WU in poses.items():
+        assert _off(units[other].pose, X_WU).max() < 1e-12
 
 
 @pytest.mark.parametrize(("off", "follows"), [(0.03, True), (0.3, False)])
