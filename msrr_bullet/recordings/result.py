@@ -142,13 +142,15 @@ class RecordingResult(BaseModel, frozen=True):
         if unused <= _FEW * self.with_target:
             return None
         causes = (
-            "calibration and flat floor of the target file; a camera that is carried by hand, or is faster "
-            "than speed_mps and turn_rate_radps of the robot, does not move so"
+            "calibration and flat floor of the target file, and by corners as precise as the detector tells; "
+            "a camera that is carried by hand, or is faster than speed_mps and turn_rate_radps of the robot, "
+            "does not move so"
         )
         if self.odometry:
             causes = (
-                "the wheels of the recording, and by calibration and flat floor of the target file; if "
-                "--odometry none uses these frames, order, sign or unit of the wheels are wrong"
+                "the wheels of the recording, by calibration and flat floor of the target file, and by "
+                "corners as precise as the detector tells; if --odometry none uses these frames, order, sign "
+                "or unit of the wheels are wrong"
             )
         what = "tags of the target do not agree with the estimate"
         return f"in {counted(unused, 'frame')} {what}, which goes by {causes}"
