@@ -162,6 +162,8 @@ class RecordingResult(BaseModel, frozen=True):
         named = "; ".join(known.text() for known in wrong[:_NAMED])
         more = f"; and {len(wrong) - _NAMED} more" if len(wrong) > _NAMED else ""
         follow = ". Mend the first one, for the others may follow from it" if len(wrong) > 1 else ""
+        if self.odometry and any(known.quantity.startswith("drive.") for known in wrong):
+            follow += ". Wheels in the wrong order, or that turn the other way, can look like this"
         return f"the recording contradicts the target file (true minus told value): {named}{more}{follow}"
 
 
