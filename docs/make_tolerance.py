@@ -40,9 +40,10 @@ predict if they are independent.
 FIRST = """\
 ## One by one
 *Docks to, and no longer*: two sizes of the effect found by bisection, at the first of which at least 95 %
-of the trials dock, and at the second fewer. The *share of what docking tolerates* that an effect uses up is
-its standard deviation over that size (over 1.96 times that size where it is drawn for each tag); the *share
-of its square* is that in the sum of the squares of all effects. First come the effects that use up most.
+of the trials dock, and at the second fewer. An effect uses up as much of *what docking tolerates* as its
+standard deviation is of that size (of 1.96 times that size where it is drawn for each tag), and nothing
+without such a size; both shares are those of squares in the sum of the squares of all effects. First come
+the effects that use up most.
 """
 
 FIGURE_TEXT = """\

@@ -16,6 +16,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
+from msrr_bullet.replay.log_replay import AGENT
 from msrr_bullet.run import run_trial
 from msrr_bullet.seeds import checked_seed
 from msrr_bullet.trial.result import TrialResult
@@ -36,8 +37,8 @@ except ImportError as error:
         f"msrr_bullet.gym needs {error.name}, which is not installed: pip install 'msrr-bullet[gym]'"
     ) from error
 
-#: Key of the scene that chooses the docking controller, and the agent's choice.
-_CONTROLLER, _AGENT = "control.docking", "msrr_bullet.gym:AgentController"
+#: Key of the scene that chooses the docking controller.
+_CONTROLLER = "control.docking"
 
 #: Number of trials in a row in which the agent may have nothing to do.
 _MOST_IDLE = 20
@@ -184,7 +185,7 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
         chosen = next((key for key in overrides if f"{key}.".startswith(f"{_CONTROLLER}.")), None)
         if chosen is not None:
             raise SceneError(f"override {chosen}: the agent is the docking controller here; leave this out")
-        self.scene = load_scene(scene, {**overrides, _CONTROLLER: _AGENT})
+        self.scene = load_scene(scene, {**overrides, _CONTROLLER: AGENT})
         if self.scene.coordinated:
             raise SceneError(
                 f"{self.scene.name}: a base station leads several units at a time, and there is one agent; "

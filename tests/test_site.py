@@ -120,6 +120,13 @@ def test_bars_of_types_are_shown_without_a_backslash(site: Path, modules: dict[s
     assert modules["code_reference"].cell("``a | b`` or |c|") == r"`a | b` or \|c\|"
 
 
+def test_a_colon_in_what_a_function_returns_makes_no_type_of_the_words_before_it(site: Path) -> None:
+    pages = [page.read_text() for page in sorted((site / "reference" / "code").rglob("*.md"))]
+    returned = [text for page in pages for text in re.findall(r"\*\*Returns\*\*\n\n- (.*)", page)]
+    assert len(returned) > 50
+    assert [text for text in returned if re.match(r"`[^`\[|]+ [^`\[|]+`: ", text)] == []
+
+
 def test_every_command_is_on_the_page_with_its_help(
     modules: dict[str, ModuleType], site: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

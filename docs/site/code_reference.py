@@ -190,6 +190,9 @@ def _section(section: Any) -> str:
 
 
 def _item(item: Any) -> str:
-    name = getattr(item, "name", "") or (str(item.annotation) if getattr(item, "annotation", None) else "")
+    annotation = getattr(item, "annotation", None)
+    name = getattr(item, "name", "") or annotation
+    if name is annotation and isinstance(name, str):  # no type, but a text that holds a colon
+        return f"- {cell(f'{name}: {item.description}')}"
     named = f"`{name}`: " if name else ""
     return f"- {named}{cell(item.description)}"

@@ -148,7 +148,7 @@ def _report(console: Console, study: ToleranceStudy) -> None:
         )
     first = Table(title=f"{study.scene}, build more precisely first", title_justify="left")
     first.add_column("effect", no_wrap=True)
-    for column in ("1 sigma", "docks to, and no longer", "of tolerated", "adds [mm]"):
+    for column in ("1 sigma", "docks to, and no longer", "of used up", "adds [mm]"):
         first.add_column(column)
     for contribution in found[:_SHOWN]:
         first.add_row(*wording.first_cells(contribution)[:-1])  # a terminal has no room for the last one

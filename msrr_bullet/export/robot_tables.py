@@ -102,7 +102,7 @@ ROBOT_TABLES = (
             **STAMP,
             **POSE,
             **SIGMA,
-            last_seen_s="exposure of the last frame that was used",
+            last_seen_s="exposure of the last frame that was used, by the clock of the camera",
             **exposures(),
         ),
         lambda record, m: [

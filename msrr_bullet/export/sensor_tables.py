@@ -189,7 +189,13 @@ SENSOR_TABLES = (
         "global_measurements",
         "A pose in the world as parametric perception measures it.",
         GlobalPose,
-        columns(**UNIT, body="name of the body", **STAMP, **POSE, **SIGMA),
+        columns(
+            **UNIT,
+            body="name of the body",
+            stamp_s="time of exposure by the clock of the overhead camera",
+            **POSE,
+            **SIGMA,
+        ),
         lambda record, m: [(*unit(record), m.name, time(m.stamp_ns), *pose(m.X_WB), *sigma(m.covariance))],
     ),
     Table(

@@ -37,7 +37,11 @@ EDGES = {
     f"{side}_rad": f"angle from the camera's axis to the {side} edge of the target, positive to the left"
     for side in ("left", "right")
 }
-FRAME = {"camera": "name of the camera", "frame": "number of the frame", "exposed_s": "time of exposure"}
+FRAME = {
+    "camera": "name of the camera",
+    "frame": "number of the frame",
+    "exposed_s": "time of exposure by the clock of the camera, which is ahead by its clock_ms in as_built",
+}
 POSE = {"x_m": "position", "y_m": "position", "yaw_rad": "heading, counter-clockwise positive"}
 SIGMA = {
     "sigma_x_m": "standard deviation of x",

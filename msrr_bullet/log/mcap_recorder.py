@@ -211,7 +211,16 @@ class McapRecorder:
         self._await_batches(_BATCHES_WAITING)
 
     def _submit(self, task: Callable[..., None], *args: object) -> None:
-        self._waiting.append(self._worker.submit(task, *args))
+        try:
+            written = self._worker.submit(task, *args)
+        except RuntimeError:  # Python ends, and its worker has finished; nobody has closed the trial
+            written = Future()
+            try:
+                task(*args)
+                written.set_result(None)
+            except OSError as error:
+                written.set_exception(error)
+        self._waiting.append(written)
 
     def _await_batches(self, allowed: int) -> None:
         """Wait until at most ``allowed`` batches are being written, and raise the error of a failed one."""

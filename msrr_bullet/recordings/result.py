@@ -142,13 +142,15 @@ class RecordingResult(BaseModel, frozen=True):
         if unused <= _FEW * self.with_target:
             return None
         causes = (
-            "calibration and flat floor of the target file; a camera that is carried by hand, or is faster "
-            "than speed_mps and turn_rate_radps of the robot, does not move so"
+            "calibration and flat floor of the target file, and by corners as precise as the detector tells; "
+            "a camera that is carried by hand, or is faster than speed_mps and turn_rate_radps of the robot, "
+            "does not move so"
         )
         if self.odometry:
             causes = (
-                "the wheels of the recording, and by calibration and flat floor of the target file; if "
-                "--odometry none uses these frames, order, sign or unit of the wheels are wrong"
+                "the wheels of the recording, by calibration and flat floor of the target file, and by "
+                "corners as precise as the detector tells; if --odometry none uses these frames, order, sign "
+                "or unit of the wheels are wrong"
             )
         what = "tags of the target do not agree with the estimate"
         return f"in {counted(unused, 'frame')} {what}, which goes by {causes}"
@@ -160,6 +162,8 @@ class RecordingResult(BaseModel, frozen=True):
         named = "; ".join(known.text() for known in wrong[:_NAMED])
         more = f"; and {len(wrong) - _NAMED} more" if len(wrong) > _NAMED else ""
         follow = ". Mend the first one, for the others may follow from it" if len(wrong) > 1 else ""
+        if self.odometry and any(known.quantity.startswith("drive.") for known in wrong):
+            follow += ". Wheels in the wrong order, or that turn the other way, can look like this"
         return f"the recording contradicts the target file (true minus told value): {named}{more}{follow}"
 
 

@@ -13,6 +13,9 @@ from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.load import check_scene
 from msrr_scenes.registry import choices, is_import_path
 
+#: Docking controller of a trial of :mod:`msrr_bullet.gym`: its commands are those of an agent.
+AGENT = "msrr_bullet.gym:AgentController"
+
 
 def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool = False) -> ReplayReport:
     """Replay a run in this process.
@@ -24,7 +27,8 @@ def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool =
 
     Raises:
         LogError: The log cannot be read, or its scene contradicts itself.
-        ReplayError: The log is not that of a trial, or names a class by import path and is not trusted.
+        ReplayError: The log is not that of a trial, an agent drove in it, or it names a class by import path
+            and is not trusted.
     """
     log = read_log(run)
     if log.header.recording is not None:
@@ -32,6 +36,8 @@ def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool =
             f"{log.path}: the log is of a recording, in which no robot of ours decided; use msrr perceive"
         )
     named = [choice.name for choice in choices(log.header.scene.control) if is_import_path(choice)]
+    if AGENT in named:
+        raise ReplayError(f"{log.path}: an agent of msrr_bullet.gym drove, and no log holds how it decides")
     if named and not trust:
         raise ReplayError(
             f"{log.path}: the log names {', '.join(named)} by import path, and a replay would run that code; "

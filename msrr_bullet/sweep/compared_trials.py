@@ -90,7 +90,7 @@ def read_trials(path: Path, chosen: Mapping[str, str]) -> tuple[dict[str, str], 
         chosen: Values by dotted key that were set or varied: only trials with these are read.
 
     Returns:
-        What is the same in all trials, by column of :data:`_OF_SWEEP`, empty if the table does not tell, and
+        What is the same in all trials, by column of ``_OF_SWEEP``, empty if the table does not tell, and
         the trials by seed.
 
     Raises:

@@ -14,7 +14,7 @@ from msrr_bullet.trial.step_result import StepResult
 TRIAL_COLUMNS = columns(
     scene="name of the scene",
     seed="seed of the trial",
-    outcome="how the trial ended; empty for a trial without a result",
+    outcome="how the trial ended; empty, as duration_s, plant, perception and as_built, without a result",
     reason="why it ended so; for a trial without a result, what happened",
     duration_s="simulated time of the trial",
     plant="plant of the scene: bullet or unicycle",

@@ -132,7 +132,7 @@ FIRST_COLUMNS = (
     "build more precisely",
     "1 sigma of careful",
     "docks to, and no longer",
-    "share of what docking tolerates",
+    "share of what is used up",
     "adds to the lateral error [mm]",
     "share of its square",
 )
@@ -185,7 +185,10 @@ def findings(study: ToleranceStudy, found: Sequence[Contribution]) -> list[str]:
         )
     tried = "" if study.all_graded else "Of the effects tried, "
     for title, shares in (
-        (f"{tried}what docking tolerates is used up most by", [c.used_share for c in found]),
+        (
+            f"{tried}the largest shares in what is used up of docking's tolerance have",
+            [c.used_share for c in found],
+        ),
         (f"{tried}the largest shares in the squared lateral error have", [c.lateral_share for c in found]),
     ):
         largest = sorted(zip(shares, found, strict=True), key=lambda pair: pair[0], reverse=True)[:4]

@@ -35,6 +35,7 @@ class ExposureTally:
             return None
         return (
             f"{counts.total - counts.used} of {counts.total} exposures of the {camera} camera do not agree "
-            "with what the filter knows: the wheels do not turn as their encoders tell, or the unit or a "
-            "camera is built less precisely than the tolerances say"
+            "with what the filter knows: the wheels do not turn as their encoders tell, the unit or a camera "
+            "is built less precisely than the tolerances say, or corners of tags are less precise than the "
+            "detector tells"
         )

@@ -16,6 +16,8 @@ from gymnasium.utils.env_checker import check_env
 
 from msrr_bullet.gym import DockingEnv, Vector
 from msrr_bullet.log import read_log
+from msrr_bullet.replay.comparison import ReplayError
+from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.run import run_trial
 from msrr_bullet.trial.result import TrialResult
 from msrr_control.docking.controller import ControlInputs
@@ -217,6 +219,9 @@ def test_a_trial_that_is_left_ends_its_log(ending: str, tmp_path: Path) -> None:
     assert read_log(tmp_path).complete
     assert read_log(tmp_path).end_ns() > 0
     assert not (tmp_path / "result.json").exists()
+    for trust in (False, True):
+        with pytest.raises(ReplayError, match="no log holds how it decides"):
+            replay(tmp_path, trust=trust)
 
 
 def test_trials_without_a_docking_phase_are_skipped_and_at_last_given_up(

@@ -73,7 +73,7 @@ class Perspective:
             areas: Points in W, whose convex hull an area is, each of shape (N, 3) [m].
 
         Yields:
-            The depth of the centroid along the axis of the camera [m], and the outline as of :meth:`hull`.
+            The depth of the centroid along the axis of the camera [m], and the outline as of ``hull``.
         """
         p, counts = self._in_camera(np.concatenate(areas)), np.array([len(points) for points in areas])
         starts = np.cumsum(counts) - counts

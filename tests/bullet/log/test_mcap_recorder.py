@@ -94,6 +94,20 @@ def test_a_log_that_is_closed_between_the_windows_of_a_frame_is_complete(
     assert np.all(logged.pixels == 7)
 
 
+def test_a_log_that_is_closed_when_python_ends_is_complete(
+    tmp_path: Path, header: LogHeader, record_trial: Record
+) -> None:
+    """Python lets the worker finish before it closes an environment that its user did not close."""
+    recorder = McapRecorder(tmp_path / "t.mcap", header)
+    record_trial(recorder, 0.5)
+    recorder._worker.shutdown()
+    recorder.close()
+    with McapRecorder(tmp_path / "other", header) as other:
+        record_trial(other, 0.5)
+    assert read_log(tmp_path / "t.mcap").complete
+    assert (tmp_path / "t.mcap").read_bytes() == (tmp_path / "other").read_bytes()
+
+
 def test_a_missing_folder_is_refused(tmp_path: Path, header: LogHeader) -> None:
     with pytest.raises(LogError, match=r"gone/t\.mcap: cannot write the log: No such file"):
         McapRecorder(tmp_path / "gone" / "t.mcap", header)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,7 +19,7 @@ from msrr_bullet.cli.app import run
 from msrr_bullet.log import read_log
 from msrr_bullet.recordings.perceiver import PerceivedInstant
 from msrr_bullet.recordings.recording import RecordingError
-from msrr_bullet.recordings.result import sigma_of
+from msrr_bullet.recordings.result import LearnedError, RecordingResult, sigma_of
 from msrr_bullet.recordings.run import Options, perceive
 from msrr_bullet.recordings.wheels import ODOMETRY, WheelReader
 from msrr_scenes.errors import MsrrError
@@ -143,6 +144,20 @@ def test_wheels_that_do_not_agree_with_the_images_are_told(
     assert result.used < 0.95 * result.with_target
     assert re.search(r"^in \d+ frames tags .* the wheels of the recording, ", result.warnings()[0])
     assert perceive(film, approach.target, Options(odometry="none")).warnings() == ()
+
+
+@pytest.mark.parametrize(
+    ("quantity", "wheels"), [("drive.track_percent", True), ("onboard.pitch_deg", False)]
+)
+def test_a_wrong_drive_may_be_wheels_in_the_wrong_order(quantity: str, wheels: bool) -> None:
+    """On a straight way such wheels agree with most frames: the filter finds a drive for them."""
+    wrong = LearnedError(
+        quantity=quantity, tag=None, tolerance=1.0, error=7.8, sigma=1.0, deviation=7.8, contradicts=True
+    )
+    for odometry in (True, False):
+        given: dict[str, Any] = {"odometry": odometry, "with_target": 9, "used": 9, "calibration": (wrong,)}
+        (text,) = RecordingResult.model_construct(**given).warnings()
+        assert ("Wheels in the wrong order" in text) == (wheels and odometry)
 
 
 @pytest.mark.parametrize("kind", ["json", "protobuf", "ros2", "ros2_raw", "ros2_bag", "ros2_reversed"])

@@ -76,7 +76,9 @@ def test_some_effects_are_not_added_up_to_a_grade(study: ToleranceStudy, tmp_pat
         page = " ".join((tmp_path / "page" / "tolerance.html").read_text().split())
         assert ("effects act on each other" in page) == predicts
         said = " ".join(findings(some, found))
-        assert ("Of the effects tried, what docking tolerates is used up most by" in said) != predicts
+        assert (
+            "Of the effects tried, the largest shares in what is used up of docking's tolerance" in said
+        ) != predicts
         assert ("nothing is predicted for a grade" in said) != predicts
         *_, rms, docked, _ = grade_cells(some.grades[1], found, some.all_graded)
         assert ("(" in rms) == ("%" in docked) == predicts

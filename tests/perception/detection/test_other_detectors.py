@@ -64,6 +64,8 @@ def test_the_detector_that_a_page_writes_has_the_order_of_corners_that_it_names(
     (found,) = names["MyDetector"]().detect(warp(window, [(plate(7), SQUARE + place)]), window)
     assert found.tag_id == 7
     assert np.abs(found.corners - SQUARE - place).max() < 0.5
+    # The filter takes corners without it to be those of ``pupil``, and rejects many exposures.
+    assert found.corner_sigma_px is not None
 
 
 def damaged(plate: Callable[..., Pixels], bits: int) -> Pixels:
