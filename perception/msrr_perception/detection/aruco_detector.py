@@ -40,6 +40,8 @@ _ORDER = [1, 0, 3, 2]
 class ArucoDetector(RefiningDetector):
     """OpenCV's ArUco detector of AprilTags, whose corners are its own unless they are refined here."""
 
+    raw_sigma_px = 0.34
+
     def __init__(
         self,
         family: str = "tag36h11",

@@ -137,6 +137,8 @@ class PupilDetector(RefiningDetector):
         settings: Settings of the native detector.
     """
 
+    raw_sigma_px = 0.13
+
     def __init__(
         self,
         family: str = "tag36h11",

@@ -19,6 +19,8 @@ class PyAprilTagsDetector(RefiningDetector):
     All instances in a thread share one native detector of a family.
     """
 
+    raw_sigma_px = 0.1
+
     def __init__(
         self,
         family: str = "tag36h11",

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -62,7 +62,11 @@ class RefiningDetector(ABC):
         refine: Whether corners are refined by :func:`msrr_perception.kernels.edges.refine_corners`. If so, a
             tag whose edges cannot be measured is dropped: at the edge of a window its corners are up to 1 px
             off, for the border that the library follows is cut.
+        raw_sigma_px: Standard deviation of a coordinate of a corner that is not refined [px], as ``msrr bench
+            detection`` finds it.
     """
+
+    raw_sigma_px: ClassVar[float]
 
     def __init__(
         self, family: str, max_hamming: int | None, min_decision_margin: float, refine: bool
@@ -128,7 +132,8 @@ class RefiningDetector(ABC):
         found.sort(key=lambda t: (t.tag_id, -t.decision_margin))
         offset = np.array([window.x, window.y])
         if not self.refine:
-            return tuple(replace(t, corners=t.corners + offset) for t in found)
+            sigma = np.full(4, self.raw_sigma_px)
+            return tuple(replace(t, corners=t.corners + offset, corner_sigma_px=sigma) for t in found)
         own = self._optic
         if own.distorts:
             own = own._replace(cx=own.cx - window.x, cy=own.cy - window.y)
@@ -136,7 +141,7 @@ class RefiningDetector(ABC):
         refined = refine_corners(shown, np.array([t.corners for t in found]), own, self._blur_px)
         moved = zip(found, refined.corners + offset, refined.measured, refined.sigma_px, strict=True)
         return tuple(
-            TagDetection(tag.tag_id, corners, tag.decision_margin, tag.hamming, sigma)
-            for tag, corners, measured, sigma in moved
+            TagDetection(tag.tag_id, corners, tag.decision_margin, tag.hamming, sigma_px)
+            for tag, corners, measured, sigma_px in moved
             if measured
         )

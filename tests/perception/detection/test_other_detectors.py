@@ -41,15 +41,19 @@ def test_corners_come_in_the_order_of_the_tag_and_count_from_pixel_centres(
 ) -> None:
     """A tag of 64 px at known pixels, 20 times: half a pixel, a turn or a mirror would all show."""
     detector: Detector = build("detector", Choice(name=name, params=params), DETECTORS)
-    rng, errors = np.random.default_rng(0), []
+    rng, errors, told = np.random.default_rng(0), [], []
     for _ in range(20):
         square = SQUARE + rng.uniform(0.0, 2.0, 2) + rng.normal(0.0, 1.0, (4, 2))
         (found,) = detector.detect(warp(WINDOW, [(plate(7), square)]), WINDOW)
         assert (found.tag_id, found.hamming) == (7, 0)
         assert found.decision_margin > 50.0
         errors.append(found.corners - square)
+        assert found.corner_sigma_px is not None
+        told.append(found.corner_sigma_px)
     assert np.abs(np.mean(errors, axis=(0, 1))).max() < 0.1
     assert np.sqrt(np.mean(np.square(errors))) < rms_px
+    normalised = errors / np.array(told)[:, :, None]
+    assert np.sqrt(np.mean(np.square(normalised))) < 1.1, "they are less precise than the detector says"
 
 
 def test_the_detector_that_a_page_writes_has_the_order_of_corners_that_it_names(
