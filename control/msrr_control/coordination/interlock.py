@@ -29,7 +29,7 @@ class Interlock:
         assert later.track is not None
         key = (earlier.name, earlier.route, later.name, later.route)
         if key not in self._needed:
-            self._needed[key] = needed(self._to_ports(earlier), self._to_ports(later), self._body)
+            self._needed[key] = needed(self._to_port(earlier), self._to_port(later), self._body)
         return self._needed[key]
 
     def forget(self, name: str) -> None:
@@ -66,15 +66,10 @@ class Interlock:
             return False
         return is_same_place(unit.track.end, self._body.docked(parent.pose, unit.enters[1]))
 
-    def _to_ports(self, unit: UnitRecord) -> Track:
-        """Return the track of a unit, its ends moved to where by now its ports are."""
+    def _to_port(self, unit: UnitRecord) -> Track:
+        """Return the track of a unit, its end moved to where by now its port is."""
         assert unit.track is not None
-        X_WS = None
-        if unit.unlocks and unit.holder is not None and self._units[unit.holder[0]].X_WU is not None:
-            X_WS = self._body.docked(self._units[unit.holder[0]].pose, unit.holder[1])
-            if not is_same_place(X_WS, unit.track.at(0.0)):
-                X_WS = None
-        return unit.track.from_port_to_port(X_WS, unit.seat)
+        return unit.track if unit.seat is None else unit.track.to_port(unit.seat)
 
     def _limit_by(self, other: UnitRecord, unit: UnitRecord, track: Track) -> float:
         """Return the limit that another unit imposes [m]."""
@@ -92,7 +87,7 @@ class Interlock:
             if key not in self._needed:
                 body = standing_unit(other, self._units.values())
                 there = standing(body.X_WB, body.at_port)
-                self._needed[key] = needed(there, self._to_ports(unit), self._body)
+                self._needed[key] = needed(there, self._to_port(unit), self._body)
             clear = np.isneginf(self._needed[key])
         else:
             return track.length

@@ -66,27 +66,18 @@ class Track:
         yaw = a[2] + share * wrap_angle(b[2] - a[2])
         return SE2(a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), yaw)
 
-    def from_port_to_port(self, X_WS: SE2 | None, X_WE: SE2 | None) -> Track:
-        """Return the same track, its legs at ports bent so that it begins at ``X_WS`` and ends at ``X_WE``.
+    def to_port(self, X_WE: SE2) -> Track:
+        """Return the same track, its leg into a port bent so that it ends at the pose ``X_WE``.
 
-        A unit is where its pins are, and closes in on the port that its own camera sees, wherever sight from
-        above shows them. The bend shrinks to nothing where the leg out of a port ends, and grows from nothing
-        where the one into a port begins. The legs stay as they are. None leaves an end as it was planned.
+        A unit closes in on the port that its own camera sees, wherever sight from above shows it. The bend
+        grows from nothing where that leg begins. The legs stay as they are.
         """
-        bent = self
-        if X_WS is not None and self.legs and self.legs[0].kind is LegKind.BACK:
-            bent = bent._moved(0, X_WS, 1.0 - self.s / self.legs[0].end)
-        if X_WE is not None and self.length > self.dock_start:
-            way = self.length - self.dock_start
-            bent = bent._moved(-1, X_WE, (self.s - self.dock_start) / way)
-        return bent
-
-    def _moved(self, sample: int, X_WU: SE2, share: Array) -> Track:
-        """Return the track with each pose moved by its share of what leads a sample to the pose ``X_WU``."""
-        pose = SE2(*self.poses[sample].tolist())
-        moved = compose(X_WU @ pose.inverse(), self.poses)
-        moved[:, 2] = self.poses[:, 2] + wrap_angle(X_WU.yaw - pose.yaw)
-        return replace(self, poses=self.poses + np.clip(share, 0.0, 1.0)[:, None] * (moved - self.poses))
+        if self.length <= self.dock_start:
+            return self
+        share = np.clip((self.s - self.dock_start) / (self.length - self.dock_start), 0.0, 1.0)
+        moved = compose(X_WE @ self.end.inverse(), self.poses)
+        moved[:, 2] = self.poses[:, 2] + wrap_angle(X_WE.yaw - self.end.yaw)
+        return replace(self, poses=self.poses + share[:, None] * (moved - self.poses))
 
     def seen_progress(self, X_WU: SE2, low: float, high: float, off: float) -> float | None:
         """Return the arc length between ``low`` and ``high`` at which the track first passes a pose [m].

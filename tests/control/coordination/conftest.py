@@ -132,7 +132,7 @@ class ToyUnit:
         holder, _, port = newest.to.partition(".")
         X_WE = self.body.docked(units[holder].X_WU, port)
         if self.led_to != X_WE:
-            self.track, self.led_to = self.track.from_port_to_port(None, X_WE), X_WE
+            self.track, self.led_to = self.track.to_port(X_WE), X_WE
 
     @property
     def hidden(self) -> bool:

@@ -124,7 +124,7 @@ def test_however_short_a_path_its_track_ends_on_it(beyond: float) -> None:
 def test_a_dock_leg_that_is_bent_ends_at_the_port_and_begins_where_it_began(X: SE2) -> None:
     track = _example()
     X_WE = track.end @ X
-    bent = track.from_port_to_port(None, X_WE)
+    bent = track.to_port(X_WE)
     assert math.hypot(bent.end.x - X_WE.x, bent.end.y - X_WE.y) < 1e-12
     assert abs(wrap_angle(bent.end.yaw - X_WE.yaw)) < 1e-12
     assert bent.legs == track.legs
@@ -134,33 +134,15 @@ def test_a_dock_leg_that_is_bent_ends_at_the_port_and_begins_where_it_began(X: S
     moved = np.hypot(*(bent.poses - track.poses)[~before, :2].T)
     most = math.hypot(X.x, X.y) + abs(wrap_angle(X.yaw)) * (track.length - track.s[~before])
     assert np.all(moved <= share * most + 1e-12), "the bend does not begin with nothing"
-    back = bent.from_port_to_port(None, track.end)
+    back = bent.to_port(track.end)
     np.testing.assert_allclose(back.end.as_array(), track.end.as_array(), atol=1e-12)
 
 
-@pytest.mark.parametrize("X", [SE2(), SE2(0.01, -0.02, 0.03), SE2(-0.02, 0.01, -0.05)])
-def test_a_leg_out_of_a_port_that_is_bent_begins_at_the_port_and_ends_where_it_ended(X: SE2) -> None:
-    builder = TrackBuilder(SE2(0.2, -0.1, 0.5), OFFSET)
-    builder.back(0.4)
-    builder.turn_by(0.7)
-    builder.ahead(0.3)
-    track = builder.track()
-    X_WS = SE2(*track.poses[0].tolist()) @ X
-    bent = track.from_port_to_port(X_WS, None)
-    np.testing.assert_allclose(bent.poses[0], X_WS.as_array(), atol=1e-12)
-    after = track.s >= track.legs[0].end
-    np.testing.assert_array_equal(bent.poses[after], track.poses[after])
-    moved = np.hypot(*(bent.poses - track.poses)[:, :2].T)
-    assert np.all(
-        moved <= np.maximum(1.0 - track.s / 0.4, 0.0) * (math.hypot(X.x, X.y) + 0.4 * abs(X.yaw)) + 1e-12
-    )
-
-
-def test_a_track_without_legs_at_ports_is_not_bent() -> None:
+def test_a_track_without_a_leg_into_a_port_is_not_bent() -> None:
     builder = TrackBuilder(SE2(0.2, -0.1, 0.5), OFFSET)
     builder.ahead(0.5)
     track = builder.track()
-    np.testing.assert_array_equal(track.from_port_to_port(SE2(1.0), SE2(3.0, 2.0, 1.0)).poses, track.poses)
+    np.testing.assert_array_equal(track.to_port(SE2(3.0, 2.0, 1.0)).poses, track.poses)
 
 
 def test_a_seen_pose_is_found_on_its_track_and_nowhere_else() -> None:
