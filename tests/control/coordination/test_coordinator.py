@@ -675,16 +675,25 @@ def test_docked_units_change_places(ports: tuple[str, ...], rig: type[Rig], setu
     assert run.joints == wanted
 
 
-@pytest.mark.parametrize("stays", [False, True])
+@pytest.mark.parametrize(
+    ("hub", "ports", "stays"),
+    [
+        (SE2(0.54, -0.39, math.radians(-174.0)), "right rear", False),
+        (SE2(0.80, -0.47, math.radians(-92.0)), "rear left", False),
+        (SE2(0.54, -0.39, math.radians(-174.0)), "right rear", True),
+    ],
+)
 def test_a_target_goes_elsewhere_when_those_have_left_that_it_carries(
-    stays: bool, rig: type[Rig], setup: CoordinationSetup
+    hub: SE2, ports: str, stays: bool, rig: type[Rig], setup: CoordinationSetup
 ) -> None:
-    """Its left port faces the border; it cannot drive while one is docked to it that has no step."""
-    body, hub = setup.lanes.body, SE2(0.54, -0.39, math.radians(-174.0))
-    holders = {"b": "hub.right", "c": "hub.rear"}
-    poses = {name: body.docked(hub, port.removeprefix("hub.")) for name, port in holders.items()}
+    """Its left port faces the border; it cannot drive while one is docked to it that has no step.
+
+    Nobody docks to it before, though one could.
+    """
+    holders = {name: f"hub.{port}" for name, port in zip("bc", ports.split(), strict=True)}
+    docked = {name: setup.lanes.body.docked(hub, port.removeprefix("hub.")) for name, port in holders.items()}
     steps = [DockStep(unit="b", to="hub.left", after=()), DockStep(unit="c", to="hub.right", after=())]
-    run = rig(Mission(steps=steps[: 1 if stays else 2], holders=holders), {"hub": hub, **poses})
+    run = rig(Mission(steps=steps[: 1 if stays else 2], holders=holders), {"hub": hub, **docked})
     status = run.run()
     assert status.state is (MissionState.INCOMPLETE if stays else MissionState.COMPLETE), status.reason
     assert run.joints == (holders if stays else {"b": "hub.left", "c": "hub.right"})
