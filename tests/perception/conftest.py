@@ -36,6 +36,12 @@ def scene() -> Scene:
 
 
 @pytest.fixture(scope="session")
+def careful(scene: Scene) -> Scene:
+    """The same, of robots that are built with care."""
+    return Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": "careful"})
+
+
+@pytest.fixture(scope="session")
 def target(scene: Scene) -> TargetModel:
     return TargetModel.from_scene(scene, scene.plan[0])
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-import threading
 import weakref
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -37,19 +36,6 @@ from msrr_scenes.specs.spec import Choice
 Draw = Callable[[SE2, Window], Pixels]
 Plate = Callable[[int], Pixels]
 Warp = Callable[..., Pixels]
-
-
-def test_corners_come_in_the_order_of_the_tag_and_count_from_pixel_centres(plate: Plate, warp: Warp) -> None:
-    """A 64 px square at known pixels, 20 times: half a pixel, a turn or a mirror would all show."""
-    rng, window, residuals = np.random.default_rng(0), Window(0, 0, 160, 160), []
-    for _ in range(20):
-        square = np.array([[48.0, 112.0], [112.0, 112.0], [112.0, 48.0], [48.0, 48.0]])
-        square += rng.uniform(0.0, 2.0, 2) + rng.normal(0.0, 1.0, (4, 2))
-        (found,) = PupilDetector().detect(warp(window, [(plate(7), square)]), window)
-        assert (found.tag_id, found.hamming) == (7, 0)
-        residuals.append(found.corners - square)
-    assert np.abs(np.mean(residuals, axis=(0, 1))).max() < 0.05
-    assert np.abs(residuals).max() < 0.4
 
 
 @pytest.mark.nightly
@@ -118,14 +104,6 @@ def test_a_contrast_is_kept_that_is_given_or_beyond_the_noise() -> None:
         assert for_large_tags(for_noise(detector, 16.0)).settings.min_white_black_diff == contrast
     quiet = PupilDetector()
     assert for_noise(quiet, 4.0) is quiet
-
-
-def test_detection_is_deterministic(target: TargetModel, draw: Draw) -> None:
-    frame = target.camera.frame
-    image = draw(SE2(-0.6, 0.0, 0.1), frame)
-    first, second = (PupilDetector().detect(image, frame) for _ in range(2))
-    assert [t.tag_id for t in first] == [t.tag_id for t in second]
-    assert all(np.array_equal(a.corners, b.corners) for a, b in zip(first, second, strict=True))
 
 
 def test_a_thread_has_one_native_detector_until_it_ends(draw: Draw, target: TargetModel) -> None:
@@ -280,13 +258,3 @@ def test_a_detector_is_named_in_the_scene() -> None:
     detector = build("detector", Choice(name="pupil", params={"quad_decimate": 2.0}), DETECTORS)
     assert isinstance(detector, PupilDetector)
     assert resolve("detector", "msrr_perception.detection.detector:PupilDetector", DETECTORS) is PupilDetector
-
-
-def test_a_second_thread_is_safe_when_it_takes_turns(draw: Draw) -> None:
-    window = Window(200, 120, 240, 200)
-    image = draw(SE2(-0.5, 0.0, 0.0), window)
-    counts: list[int] = []
-    worker = threading.Thread(target=lambda: counts.append(len(PupilDetector().detect(image, window))))
-    worker.start()
-    worker.join()
-    assert counts == [3]

@@ -28,6 +28,7 @@ SQUARE = np.array([[48.0, 112.0], [112.0, 112.0], [112.0, 48.0], [48.0, 48.0]])
 @pytest.mark.parametrize(
     ("name", "params", "rms_px"),
     [
+        ("pupil", {}, 0.02),
         ("pupil", {"refine": False}, 0.12),
         ("aruco", {}, 0.25),
         ("aruco", {"corner_refinement": "apriltag"}, 0.3),

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from msrr_perception.estimation.calibration_memory import CalibrationMemory
 from msrr_perception.estimation.corner_filter import CornerEkf
@@ -21,11 +20,6 @@ from msrr_scenes.specs.scene import Scene
 
 See = Callable[..., Any]
 SEATED = SE2(-0.1, 0.0, 0.0)
-
-
-@pytest.fixture(scope="module")
-def careful(scene: Scene) -> Scene:
-    return Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": "careful"})
 
 
 def _target(scene: Scene) -> TargetModel:

@@ -83,20 +83,20 @@ def test_the_gate_passes_its_share_of_good_tags(target: TargetModel, scene: Scen
     assert passed / 200 == pytest.approx(0.8, abs=0.15)
 
 
-@pytest.mark.parametrize("inflation", [1.0, 2.0, 5.0])
+@pytest.mark.parametrize(("options", "inflation"), [({}, 2.0), ({"start_inflation": 5.0}, 5.0)])
 def test_the_first_covariance_is_inflated_by_the_given_factor(
-    target: TargetModel, scene: Scene, see: See, inflation: float
+    target: TargetModel, scene: Scene, see: See, options: dict[str, float], inflation: float
 ) -> None:
     covariance = np.diag([1e-4, 2e-4, 3e-4])
     pose = PoseMeasurement(Exposure("a/onboard", 0, 0), X_DU, covariance, (None, None))
-    by_pose = CornerEkf(target, scene.odometry, start_inflation=inflation)
+    by_pose = CornerEkf(target, scene.odometry, **options)
     by_pose.add_pose(pose)
     found = by_pose.estimate(0)
     assert found is not None
     np.testing.assert_allclose(found.covariance, inflation * covariance, rtol=1e-12)
 
     look = _shown(0, see(pose_vector(X_DU), target.port_tags))
-    plain, inflated = (CornerEkf(target, scene.odometry, start_inflation=f) for f in (1.0, inflation))
+    plain, inflated = (CornerEkf(target, scene.odometry, **o) for o in ({"start_inflation": 1.0}, options))
     for ekf in (plain, inflated):
         ekf.add_detections(look)
     one, more = plain.estimate(0), inflated.estimate(0)
@@ -104,17 +104,6 @@ def test_the_first_covariance_is_inflated_by_the_given_factor(
     assert more is not None
     # Where edges look to be, and the tilt of the floor, are not inflated, and small.
     np.testing.assert_allclose(more.covariance, inflation * one.covariance, rtol=0.05)
-
-
-def test_the_first_covariance_is_inflated_by_default(target: TargetModel, scene: Scene, see: See) -> None:
-    look = _shown(0, see(pose_vector(X_DU), target.port_tags))
-    default, twice = CornerEkf(target, scene.odometry), CornerEkf(target, scene.odometry, start_inflation=2.0)
-    for ekf in (default, twice):
-        ekf.add_detections(look)
-    a, b = default.estimate(0), twice.estimate(0)
-    assert a is not None
-    assert b is not None
-    np.testing.assert_array_equal(a.covariance, b.covariance)
 
 
 def test_corners_that_are_less_sure_than_modelled_count_less(

@@ -101,10 +101,3 @@ def test_the_width_of_an_edge_tells_its_blur(blur_px: float) -> None:
     share = edge / edge[-1]
     overlap = float((share * (1.0 - share)).sum() * (x[1] - x[0]))
     assert edge_blur(overlap, 3.0) == pytest.approx(blur_px, rel=0.06)
-
-
-def test_tags_that_are_not_measured_have_no_deviations(plate: Plate, warp: Warp) -> None:
-    square, picture = next(drawn(60.0, 1, plate, warp))
-    refined = refine_corners(np.full_like(picture, 90), square[None])
-    assert not refined.measured[0]
-    assert np.isnan(refined.sigma_px).all()

@@ -142,15 +142,6 @@ def test_a_plane_behind_the_camera_is_refused(localizer: GlobalLocalizer) -> Non
         rays_to_plane(localizer.camera, localizer.X_WC, np.array([[10.0, 10.0]]), 5.0)
 
 
-def test_what_does_not_fit_the_tag_is_not_believed(localizer: GlobalLocalizer) -> None:
-    """A quarter too large for where it is said to be: another tag, or not on this body."""
-    pixels = _pixels(localizer, 30, SE2(0.4, 0.2, 0.5))
-    middle = pixels.mean(axis=0)
-    for scale, seen in ((1.0, 1), (1.25, 0)):
-        found = localizer.locate(_detections(TagDetection(30, middle + scale * (pixels - middle))))
-        assert len(found) == seen
-
-
 @pytest.mark.parametrize(("strain", "largest"), [(0.0, 0.066), (0.08, 0.24)])
 def test_a_tag_is_believed_up_to_the_strain_of_its_camera(
     overhead: Scene, strain: float, largest: float

@@ -344,17 +344,6 @@ def test_a_unit_carried_off_is_found_again(make: Make) -> None:
     assert np.hypot(*error(known.own, arena.X_WU)[:2]) < 0.002
 
 
-def test_a_tag_of_the_wrong_size_is_not_believed(make: Make, model: OverheadModel) -> None:
-    """A post's tag held up to the camera would be taken for a post elsewhere."""
-    arena = make(2)
-    seen = arena.expose()
-    tag = next(t for t in seen.tags if t.tag_id == 500)
-    middle = tag.corners.mean(axis=0)
-    grown = TagDetection(500, middle + 1.3 * (tag.corners - middle))
-    arena.estimator.add_detections(Detections(seen.exposure, (grown,), ()))
-    assert arena.estimator.predict(0) == {}
-
-
 def test_ready_made_poses_serve_as_well(make: Make) -> None:
     estimator = make().estimator
     P = np.diag([25e-6, 25e-6, 3e-4])
