@@ -17,6 +17,7 @@ from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, PoseMeasurement
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import not_none
 
 See = Callable[..., Any]
 SEATED = SE2(-0.1, 0.0, 0.0)
@@ -38,16 +39,13 @@ def test_a_port_looks_from_its_seat_as_it_did_the_last_time(careful: Scene, see:
     seen = np.array([-0.1 - 0.002, 0.001, math.radians(0.5), 0.0, 0.0])
     first = CornerEkf(target, careful.odometry)
     _looks(first, see, seen, 10)
-    before = first.estimate(360_000_000)
-    assert before is not None
+    before = not_none(first.estimate(360_000_000))
     assert abs(before.X_DU.x - SEATED.x) > 0.0015
-    learned = first.learned(seated=True)
-    assert learned is not None
+    learned = not_none(first.learned(seated=True))
     again = CornerEkf(target, careful.odometry)
     again.recall(learned)
     _looks(again, see, seen, 10)
-    after = again.estimate(360_000_000)
-    assert after is not None
+    after = not_none(again.estimate(360_000_000))
     assert abs(after.X_DU.x - SEATED.x) < 2e-4
     assert abs(after.X_DU.yaw) < math.radians(0.2)
     assert after.covariance[0, 0] < 0.25 * before.covariance[0, 0]
@@ -61,8 +59,7 @@ def test_a_seat_with_more_play_says_less_of_the_side(careful: Scene, see: See) -
     for play in (0.0005, 0.0015, 0.006):
         filter_ = CornerEkf(replace(target, mechanism=replace(target.mechanism, play=play)), careful.odometry)
         _looks(filter_, see, np.array([-0.1, 0.0, 0.0, 0.0, 0.0]), 10)
-        learned = filter_.learned(seated=True)
-        assert learned is not None
+        learned = not_none(filter_.learned(seated=True))
         sides.append(math.sqrt(learned.covariance[-2, -2]))  # of the marker on its bracket
     assert 1.02 * sides[0] < sides[1] < sides[2] / 1.02
 
@@ -113,8 +110,7 @@ def test_tolerances_make_a_pose_as_uncertain_as_it_is(scene: Scene, careful: Sce
     for of in (target, exact):
         ekf = CornerEkf(of, careful.odometry)
         _looks(ekf, see, pose, 100)
-        found = ekf.estimate(99 * 40_000_000)
-        assert found is not None
+        found = not_none(ekf.estimate(99 * 40_000_000))
         sigmas.append(np.sqrt(np.diag(found.covariance)))
     x, y, _, _, _, yaw = target.tolerances.bracket
     assert (sigmas[0] > [x, y, yaw]).all()
@@ -134,8 +130,7 @@ def test_measured_poses_share_the_errors_of_calibration_with_corners(careful: Sc
         by_poses.add_pose(PoseMeasurement(exposure, SE2(-0.3, 0.0, 0.0), 1e-10 * np.eye(3), (None, None)))
     sigmas = []
     for ekf in (by_corners, by_poses):
-        found = ekf.estimate(99 * 40_000_000)
-        assert found is not None
+        found = not_none(ekf.estimate(99 * 40_000_000))
         sigmas.append(np.sqrt(np.diag(found.covariance)))
     assert (sigmas[0] < sigmas[1]).all()
     assert (sigmas[1] < 2.0 * sigmas[0]).all()

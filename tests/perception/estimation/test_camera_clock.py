@@ -26,6 +26,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, PoseMeasurement, TagDetection, WheelOdometry
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import OdometrySpec
+from tests.conftest import not_none
 
 See = Callable[..., Any]
 MS, SIGMA_PX, LATENCY_MS = 1_000_000, 0.05, 40
@@ -198,8 +199,7 @@ def test_each_corner_is_seen_when_its_row_is_exposed(scene: Scene, see: See, rea
     target, pose = TargetModel.from_scene(rolling, rolling.docks[0]), 0.0
     for seed in range(10):
         messages, X = _messages(target, see, seed, 0.0, ends_ms=600)  # when it is fastest
-        found = _filter(rolling, messages).predict(600 * MS)
-        assert found is not None
+        found = not_none(_filter(rolling, messages).predict(600 * MS))
         e = found.X_DU.as_array() - X.as_array()
         pose += float(e @ np.linalg.solve(found.covariance, e))
     assert pose < chi2.ppf(1 - 1e-6, 30)
@@ -220,8 +220,7 @@ def test_errors_of_the_encoders_are_not_taken_for_motion_that_tells_the_clock(
     column, clock = target.filter_layout.tags.columns[0, CLOCK], 0.0
     for seed in range(20):
         messages, _ = _messages(target, see, seed, -8.0, odometry)
-        state = _filter(coarse, messages)._history.newest
-        assert state is not None
+        state = not_none(_filter(coarse, messages)._history.newest)
         clock += (state.mean[column] + 8e-3) ** 2 / state.covariance[column, column]
     assert clock < chi2.ppf(1 - 1e-6, 20)
 
@@ -235,9 +234,7 @@ def test_the_order_of_arrival_does_not_matter(
     target = TargetModel.from_scene(doubtful, doubtful.docks[0])
     messages, _ = _messages(target, see, 0, late_ms)
     early = sorted(messages, key=lambda m: (m[0] - (LATENCY_MS - late_ms) * m[1], m[1]))
-    a, b = (_filter(doubtful, order).predict(1000 * MS) for order in (messages, early))
-    assert a is not None
-    assert b is not None
+    a, b = (not_none(_filter(doubtful, order).predict(1000 * MS)) for order in (messages, early))
     assert a.X_DU == b.X_DU
     assert np.array_equal(a.covariance, b.covariance)
 
@@ -279,8 +276,7 @@ def test_parts_of_a_doubt_add_up_to_the_state_that_was_cut(sigma_s: float) -> No
         parts.append(part)
         return part
 
-    found = by_parts(prior, clock, tells_nothing)
-    assert found is not None
+    found = not_none(by_parts(prior, clock, tells_nothing))
     assert found.cost == pytest.approx(prior.cost)
     np.testing.assert_allclose(found.mean, prior.mean, atol=1e-12)
     np.testing.assert_allclose((found.covariance - P) / np.outer(sigmas, sigmas), 0.0, atol=0.09)

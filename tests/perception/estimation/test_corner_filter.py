@@ -32,7 +32,7 @@ from msrr_scenes.messages import (
 from msrr_scenes.registry import build
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Choice
-from tests.conftest import pose_error
+from tests.conftest import not_none, pose_error
 
 MakeDrive = Callable[..., Any]
 MS = 1_000_000
@@ -104,9 +104,7 @@ def test_late_and_disordered_pictures_give_the_ordered_result_bit_for_bit(
             waiting.remove(item)
     for _, picture in waiting:
         disordered.add_detections(picture)
-    a, b = (ekf.estimate(drive.now_ns) for ekf in (ordered, disordered))
-    assert a is not None
-    assert b is not None
+    a, b = (not_none(ekf.estimate(drive.now_ns)) for ekf in (ordered, disordered))
     assert a.X_DU == b.X_DU
     assert np.array_equal(a.covariance, b.covariance)
     assert a.last_seen_ns == b.last_seen_ns
@@ -133,9 +131,7 @@ def test_late_odometry_gives_the_ordered_result_bit_for_bit(
             else:
                 ekf.add_odometry(message)
             ekf.predict(round(10 * arrival) * MS)  # what is kept of it must not outlast the next message
-    a, b = (ekf.estimate(drive.now_ns) for ekf in (ordered, disordered))
-    assert a is not None
-    assert b is not None
+    a, b = (not_none(ekf.estimate(drive.now_ns)) for ekf in (ordered, disordered))
     assert a.X_DU == b.X_DU
     assert np.array_equal(a.covariance, b.covariance)
 
@@ -150,8 +146,7 @@ def test_the_past_can_be_asked_for(target: TargetModel, scene: Scene, make_drive
         truth[drive.now_ns] = drive.X_DU
     for back in (0, 130 * MS, 500 * MS):
         stamp = drive.now_ns - back
-        found = ekf.predict(stamp)
-        assert found is not None
+        found = not_none(ekf.predict(stamp))
         assert found.stamp_ns == stamp
         assert np.abs(_error(found, truth[stamp])).max() < 0.01
 
@@ -185,8 +180,7 @@ def test_corners_of_tags_that_a_turn_smears_by_more_than_half_a_module_count_les
         drive = make_drive(0, speed=lambda X: (0.0, turn_radps), scale_error=0.0, sigma=0.03)
         ekf = _ekf(replace(target, exposure_s=exposure_s), scene, corner_sigma_px=None)
         _follow(drive, ekf, 40)
-        found = ekf.estimate(drive.now_ns)
-        assert found is not None
+        found = not_none(ekf.estimate(drive.now_ns))
         covariances.append(found.covariance)
     instant, exposed = covariances
     if counts_less:
@@ -226,8 +220,7 @@ def test_delay_compensation_takes_the_lag_away(
     assert stale is not None
     assert fresh is not None
     assert stale.stamp_ns == stale.last_seen_ns < drive.now_ns == fresh.stamp_ns
-    ahead = off.predict(drive.now_ns)  # planning windows is compensated all the same
-    assert ahead is not None
+    ahead = not_none(off.predict(drive.now_ns))  # planning windows is compensated all the same
     assert ahead.X_DU == fresh.X_DU
 
 
@@ -294,8 +287,7 @@ def test_it_starts_anew_with_exactly_the_picture_that_reaches_the_threshold(
             continue
         pictures += 1
         ekf.add_detections(picture)
-        found = ekf.estimate(drive.now_ns)
-        assert found is not None
+        found = not_none(ekf.estimate(drive.now_ns))
         assert ekf.exposures == counts + ExposureCounts(rejected=pictures)
         error = np.abs(_error(found, drive.X_DU)[:2]).max()
         if pictures < reset_after:

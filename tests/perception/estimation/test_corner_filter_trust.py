@@ -16,6 +16,7 @@ from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, PoseMeasurement, TagDetection
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import not_none
 
 X_DU = SE2(-0.6, 0.05, 0.1)
 SIGMA_PX = 0.3
@@ -40,8 +41,7 @@ def _settled(target: TargetModel, scene: Scene, see: See, frames: int = 50, **op
 
 def _after(ekf: CornerEkf, tags: tuple[TagDetection, ...]) -> np.ndarray:
     ekf.add_detections(_shown(50, tags))
-    found = ekf.estimate(50 * FRAME_NS)
-    assert found is not None
+    found = not_none(ekf.estimate(50 * FRAME_NS))
     return np.concatenate([found.X_DU.as_array(), found.covariance.ravel()])
 
 
@@ -77,8 +77,7 @@ def test_the_gate_passes_its_share_of_good_tags(target: TargetModel, scene: Scen
     for _ in range(200):
         ekf = deepcopy(settled, {id(target): target})
         _after(ekf, see(pose_vector(X_DU), target.port_tags[:1], rng, SIGMA_PX))
-        found = ekf.estimate(50 * FRAME_NS)
-        assert found is not None
+        found = not_none(ekf.estimate(50 * FRAME_NS))
         passed += found.last_seen_ns == 50 * FRAME_NS
     assert passed / 200 == pytest.approx(0.8, abs=0.15)
 
@@ -91,8 +90,7 @@ def test_the_first_covariance_is_inflated_by_the_given_factor(
     pose = PoseMeasurement(Exposure("a/onboard", 0, 0), X_DU, covariance, (None, None))
     by_pose = CornerEkf(target, scene.odometry, **options)
     by_pose.add_pose(pose)
-    found = by_pose.estimate(0)
-    assert found is not None
+    found = not_none(by_pose.estimate(0))
     np.testing.assert_allclose(found.covariance, inflation * covariance, rtol=1e-12)
 
     look = _shown(0, see(pose_vector(X_DU), target.port_tags))

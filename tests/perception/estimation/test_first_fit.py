@@ -25,7 +25,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Detections, Exposure, PoseEstimate, PoseMeasurement, TagDetection
 from msrr_scenes.specs.scene import Scene
-from tests.conftest import pose_error
+from tests.conftest import not_none, pose_error
 
 X_DU = SE2(-0.6, 0.05, 0.1)
 EXPOSURE = Exposure("a/onboard", 0, 0)
@@ -61,8 +61,7 @@ def test_one_error_of_the_mount_is_one_deviation_of_the_first_pose_by_a_measured
         ekf, pose = CornerEkf(of, scene.odometry), joint_pose(of, tags)
         assert pose is not None
         ekf.add_pose(PoseMeasurement(EXPOSURE, pose.X_DU, 1e-8 * np.eye(3), (None, None)))
-        estimate = ekf.estimate(0)
-        assert estimate is not None
+        estimate = not_none(ekf.estimate(0))
         estimates.append(estimate)
     off = estimates[0].X_DU.as_array() - X_DU.as_array()
     added = estimates[0].covariance - estimates[1].covariance
@@ -120,8 +119,7 @@ def test_a_flat_tag_from_the_front_leaves_open_what_it_does_not_show(
         ekf = CornerEkf(target, scene.odometry, corner_sigma_px=sigma_px, start_inflation=1.0)
         seen = TagDetection(tag, corners + rng.normal(0.0, sigma_px, (4, 2)))
         ekf.add_detections(Detections(EXPOSURE, (seen,), ()))
-        estimate = ekf.estimate(0)
-        assert estimate is not None
+        estimate = not_none(ekf.estimate(0))
         off = estimate.X_DU.as_array() - pose.as_array()
         squares.append(float(off @ np.linalg.solve(estimate.covariance, off)))
     assert 1.0 < np.mean(squares) < 3.8
@@ -170,8 +168,7 @@ def test_a_tag_in_the_wrong_place_is_left_out(
 ) -> None:
     tags = list(_tags(target, project, target.port_tags))
     tags[1] = replace(tags[1], corners=tags[1].corners + np.array([25.0, -10.0]))
-    estimate = _first(target, scene, tags)
-    assert estimate is not None
+    estimate = not_none(_first(target, scene, tags))
     np.testing.assert_allclose(estimate.X_DU.as_array(), X_DU.as_array(), atol=1e-3)
     assert _first(target, scene, tags[:2]) is None  # two that disagree: nobody knows who is right
 
@@ -195,8 +192,7 @@ def test_a_tag_that_is_left_out_is_as_good_as_not_there(
             replace(tag, corners=tag.corners + np.array([off_px, 0.0])) if k == odd else tag
             for k, tag in enumerate(tags)
         ]
-        estimate = _first(target, scene, moved)
-        assert estimate is not None
+        estimate = not_none(_first(target, scene, moved))
         off = pose_error(estimate.X_DU, rest.X_DU)
         if np.array_equal(estimate.covariance, rest.covariance):
             left_out += 1

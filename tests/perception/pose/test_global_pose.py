@@ -23,7 +23,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Detections, Exposure, Pixels, TagDetection
 from msrr_scenes.specs.scene import Scene
-from tests.conftest import pose_error
+from tests.conftest import not_none, pose_error
 
 ERRORS = CornerErrors(noise_grey=30.0, blur_px=2.5)
 
@@ -43,8 +43,7 @@ def overhead() -> Scene:
 
 @pytest.fixture(scope="module")
 def localizer(overhead: Scene) -> GlobalLocalizer:
-    spec = overhead.cameras.overhead
-    assert spec is not None
+    spec = not_none(overhead.cameras.overhead)
     return GlobalLocalizer(spec.lens, spec.rolling_shutter, overhead_pose(spec), flat_tags(overhead), ERRORS)
 
 
@@ -58,8 +57,7 @@ def _detections(*tags: TagDetection) -> Detections:
 
 
 def test_image_right_is_world_x_and_image_down_is_minus_y(overhead: Scene) -> None:
-    spec = overhead.cameras.overhead
-    assert spec is not None
+    spec = not_none(overhead.cameras.overhead)
     X_WC = overhead_pose(spec)
     middle = spec.pinhole.project(X_WC.inverse().act([0.2, -0.1, 0.0]))
     np.testing.assert_allclose(middle, [spec.pinhole.cx, spec.pinhole.cy])
@@ -150,8 +148,7 @@ def test_a_tag_is_believed_up_to_the_strain_of_its_camera(
 
     With rough robots, whose cameras have a standard deviation of 0.08, one unit in ten was never localised.
     """
-    spec = overhead.cameras.overhead
-    assert spec is not None
+    spec = not_none(overhead.cameras.overhead)
     localizer = GlobalLocalizer(
         spec.lens, spec.rolling_shutter, overhead_pose(spec), flat_tags(overhead), ERRORS, strain
     )

@@ -13,7 +13,7 @@ from msrr_perception.pose.joint_pose import CornerNoise, joint_fits, joint_pose,
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import TagDetection
-from tests.conftest import pose_error
+from tests.conftest import not_none, pose_error
 
 See = Callable[..., tuple[TagDetection, ...]]
 NOISE = CornerNoise(corner_sigma_px=0.3, tilt_sigma=math.radians(0.3))
@@ -37,8 +37,7 @@ def _gap(target: TargetModel, tags: Sequence[TagDetection]) -> float:
 def test_noiseless_corners_give_the_exact_pose_from_everywhere(target: TargetModel, see: See) -> None:
     for X in _poses(60, 0):
         for tags in (target.port_tags, target.port_tags[:2], target.port_tags[1:]):
-            pose = joint_pose(target, see(pose_vector(X), tags))
-            assert pose is not None
+            pose = not_none(joint_pose(target, see(pose_vector(X), tags)))
             np.testing.assert_allclose(pose_error(pose.X_DU, X), 0.0, atol=1e-6)
 
 
@@ -121,8 +120,7 @@ def test_covariance_is_honest_and_errors_are_at_the_cramer_rao_bound(
     for _ in range(n):
         X = SE2(-distance, rng.uniform(-0.1, 0.1) * distance, rng.uniform(-0.2, 0.2))
         truth = pose_vector(X, *rng.normal(0.0, NOISE.tilt_sigma, 2))
-        pose = joint_pose(target, see(truth, target.port_tags, rng), NOISE)
-        assert pose is not None
+        pose = not_none(joint_pose(target, see(truth, target.port_tags, rng), NOISE))
         e = pose_error(pose.X_DU, X)
         nees += float(e @ np.linalg.solve(pose.covariance, e))
         errors.append(e)
@@ -151,8 +149,7 @@ def test_one_flat_tag_leaves_two_poses_and_the_floor_tells_them_apart(target: Ta
             assert len(candidates) == 2
             errors = [np.abs(pose_error(c, X)).max() for c in candidates]
             assert min(errors) < 1e-4
-            pose = joint_pose(target, [detection])
-            assert pose is not None
+            pose = not_none(joint_pose(target, [detection]))
             np.testing.assert_allclose(pose_error(pose.X_DU, X), 0.0, atol=1e-4)
 
 
@@ -171,8 +168,7 @@ def test_an_ambiguous_view_is_reported_and_its_covariance_covers_both_poses(
     for _ in range(300):
         X = SE2(-0.8, rng.uniform(-0.05, 0.05), rng.uniform(-0.1, 0.1))
         tags = see(pose_vector(X), [mast], rng)
-        pose = joint_pose(target, tags, NOISE)
-        assert pose is not None
+        pose = not_none(joint_pose(target, tags, NOISE))
         e = pose_error(pose.X_DU, X)
         bad += float(e @ np.linalg.solve(pose.covariance, e)) > 25.0
         ambiguous += _gap(target, tags) < 9.0
