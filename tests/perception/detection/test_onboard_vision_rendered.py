@@ -26,6 +26,7 @@ from msrr_scenes.placement.placement import draw_placement
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
 from tests.conftest import not_none
+from tests.perception.conftest import project
 
 
 @dataclass
@@ -70,7 +71,7 @@ def _views(n: int) -> list[SE2]:
     return out
 
 
-def test_corners_poses_and_angles_agree_with_truth(rig: Rig, project: Callable) -> None:
+def test_corners_poses_and_angles_agree_with_truth(rig: Rig) -> None:
     """20 views from 0.8 m to 0.2 m, windows asked around a prediction that is a few millimetres off.
 
     Every view gives every tag of the port. Corners: mean residual below 0.05 px, RMS below 0.25 px. Lateral

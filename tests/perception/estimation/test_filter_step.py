@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -21,23 +20,21 @@ from msrr_scenes.messages import (
     Exposure,
     ExposureCounts,
     PoseMeasurement,
-    TagDetection,
     WheelOdometry,
 )
 from msrr_scenes.specs.scene import Scene
 from tests.conftest import not_none
+from tests.perception.conftest import see
 
 X_DU = SE2(-0.6, 0.05, 0.1)
 FIRST, NEXT = Exposure("a/onboard", 0, 0), Exposure("a/onboard", 1, 40_000_000)
 RESET_AFTER = 5
 
-See = Callable[..., tuple[TagDetection, ...]]
-
 
 class Stepper:
     """A filter step with its wheels, and the state after a first exposure of all tags."""
 
-    def __init__(self, target: TargetModel, scene: Scene, see: See) -> None:
+    def __init__(self, target: TargetModel, scene: Scene) -> None:
         self.motion, self.wheels = DriveMotion(target, scene.odometry, DEFAULT_NOISE), WheelHistory()
         self.wheel_radius = target.wheel_radius
         update = CornerUpdate(target, 0.3, DEFAULT_NOISE.tilt_sigma, 0.9999, 2.0)
@@ -50,8 +47,8 @@ class Stepper:
 
 
 @pytest.fixture
-def stepper(target: TargetModel, scene: Scene, see: See) -> Stepper:
-    return Stepper(target, scene, see)
+def stepper(target: TargetModel, scene: Scene) -> Stepper:
+    return Stepper(target, scene)
 
 
 def _measured(X_DU: SE2, exposure: Exposure = NEXT) -> PoseMeasurement:
@@ -98,7 +95,7 @@ def test_a_state_that_no_measurement_confirms_is_kept_until_the_last_that_may_di
 
 
 def test_a_measurement_that_starts_nothing_leaves_the_state_as_it_was(
-    stepper: Stepper, target: TargetModel, see: See
+    stepper: Stepper, target: TargetModel
 ) -> None:
     """Two tags that disagree with each other as well, when a new start is due."""
     last, (one, two, _) = replace(stepper.first, rejected=9), see(pose_vector(X_DU), target.port_tags)
@@ -110,7 +107,7 @@ def test_a_measurement_that_starts_nothing_leaves_the_state_as_it_was(
 
 
 def test_whichever_pose_of_a_new_start_leads_counts_on_from_the_state_before(
-    stepper: Stepper, target: TargetModel, see: See
+    stepper: Stepper, target: TargetModel
 ) -> None:
     """One tag leaves poses open; the count began again where another one than the first took the lead."""
     last, elsewhere = replace(stepper.first, rejected=RESET_AFTER - 1), SE2(-0.8, -0.1, 0.2)
@@ -166,11 +163,11 @@ def test_what_agrees_only_without_the_wheels_is_counted_and_dated(stepper: Stepp
 
 @pytest.mark.parametrize("clock", [False, True])
 def test_a_measured_pose_rests_on_the_wheels_about_it_only_where_the_clock_is_estimated(
-    target: TargetModel, scene: Scene, see: See, clock: bool
+    target: TargetModel, scene: Scene, clock: bool
 ) -> None:
     """Rows of a picture are exposed one after the other, so that a picture always does."""
     tolerances = replace(target.tolerances, clock_s=0.02) if clock else target.tolerances
-    stepper = Stepper(replace(target, tolerances=tolerances), scene, see)
+    stepper = Stepper(replace(target, tolerances=tolerances), scene)
     assert stepper.motion.learns_clock is clock
     wheels = not_none(stepper.wheels.angles_at(NEXT.stamp_ns))
     way = 0.5 * (wheels.left + wheels.right) * target.wheel_radius

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import permutations
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +18,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, ExposureCounts, PoseEstimate, TagDetection
 from msrr_scenes.specs.scene import Scene
 from tests.conftest import not_none, pose_error
+from tests.perception.conftest import project
 
 PERIOD_NS = 40_000_000
 SIGMA_PX = 0.5
@@ -31,7 +31,7 @@ Look = Callable[[SE2, int, int], Detections]
 
 
 @pytest.fixture
-def look(target: TargetModel, project: Callable[..., Any]) -> Look:
+def look(target: TargetModel) -> Look:
     """Return how the k-th exposure shows one tag from a pose."""
     rng = np.random.default_rng(5)
 

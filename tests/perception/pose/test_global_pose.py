@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -21,9 +20,10 @@ from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import Detections, Exposure, Pixels, TagDetection
+from msrr_scenes.messages import Detections, Exposure, TagDetection
 from msrr_scenes.specs.scene import Scene
 from tests.conftest import not_none, pose_error
+from tests.perception.conftest import plate, warp
 
 ERRORS = CornerErrors(noise_grey=30.0, blur_px=2.5)
 
@@ -100,9 +100,7 @@ def test_the_covariance_is_honest(localizer: GlobalLocalizer) -> None:
     assert localizer.lasting_share["b"] == pytest.approx(lasting / (frame + lasting))
 
 
-def test_a_warped_picture_gives_the_pose(
-    localizer: GlobalLocalizer, warp: Callable[..., Pixels], plate: Callable[[int], Pixels]
-) -> None:
+def test_a_warped_picture_gives_the_pose(localizer: GlobalLocalizer) -> None:
     """Detected in an image: at most 2 mm and 1 degree off in 10 poses."""
     rng = np.random.default_rng(2)
     for _ in range(10):
