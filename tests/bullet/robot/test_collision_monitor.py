@@ -260,20 +260,6 @@ def test_the_target_may_be_touched_while_docking_and_nothing_else() -> None:
     assert monitor.limit(push, known(0, at_port, ahead), 0, docking=True).state is MonitorState.STOP
 
 
-def test_the_uncertainty_of_the_estimates_is_subtracted() -> None:
-    scene = arena()
-    X_WA = SE2(-0.06 - 0.118 - 0.08, 0.0, 0.0)
-    certain = CollisionMonitor(scene, "a", scene.docks[0]).limit(Twist(0.15), known(0, X_WA, SE2()), 0)
-    wide = np.diag([0.02**2, 0.02**2, 1e-6])
-    uncertain = CollisionMonitor(scene, "a", scene.docks[0]).limit(
-        Twist(0.15), known(0, X_WA, SE2(), covariance=wide), 0
-    )
-    assert certain.state is MonitorState.FREE
-    assert uncertain.state is not MonitorState.FREE
-    # Two bodies, two standard deviations.
-    assert certain.ahead - uncertain.ahead == pytest.approx(2.0 * math.hypot(0.02, 0.02), abs=0.002)
-
-
 def test_the_uncertainty_is_subtracted_for_a_command_that_leads_away_as_well() -> None:
     scene, X_WA = arena(), SE2(-0.06 - 0.118 - 0.05, 0.0, 0.0)
     ahead = []

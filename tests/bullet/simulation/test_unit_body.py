@@ -14,10 +14,11 @@ from msrr_bullet.simulation.unit_body import ROOT, load_unit
 from msrr_scenes.errors import GeometryError, UnknownNameError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, read_unit
+from tests.bullet.conftest import two_units
 
 
 @pytest.fixture
-def geometry(two_units) -> UnitGeometry:
+def geometry() -> UnitGeometry:
     return two_units().geometry("a")
 
 

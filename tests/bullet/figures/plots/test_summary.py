@@ -21,6 +21,7 @@ from msrr_bullet.timeline.snapshot import planned_paths
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure, Phase, TagDetection
+from tests.bullet.conftest import with_step
 
 
 @pytest.fixture
@@ -79,7 +80,7 @@ def test_the_picture_of_a_run_shows_its_plan_in_a_shape_that_fits(
 @pytest.mark.parametrize(
     "ratio", [0.3, 0.88, 0.95, *(pytest.param(r, marks=pytest.mark.nightly) for r in (0.85, 0.92, 1.5))]
 )
-def test_no_text_runs_over_the_edge(ratio, drive, tmp_path, monkeypatch, with_step):
+def test_no_text_runs_over_the_edge(ratio, drive, tmp_path, monkeypatch):
     """The title of the view from above was cut, and so was the label below it in views of some shapes."""
     figures = []
 
