@@ -19,6 +19,7 @@ from msrr_scenes.messages import NS_PER_S, Action
 from msrr_scenes.specs.scene import Scene
 
 
+@pytest.mark.usefixtures("replays_here")
 def test_a_log_that_ends_early_is_not_taken_for_a_whole_one(
     short_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
