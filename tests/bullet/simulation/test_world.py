@@ -11,7 +11,7 @@ from msrr_bullet.simulation.floor import GRAVITY_MPS2
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.checks.standing import standing_problems
-from msrr_scenes.errors import UnknownNameError
+from msrr_scenes.errors import GeometryError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import find_urdf
@@ -199,6 +199,6 @@ def test_the_client_is_closed_when_building_fails(tmp_path):
             return broken
 
     open_before = sum(pybullet.isConnected(i) for i in range(64))
-    with pytest.raises(Exception, match="cannot load this URDF"):
+    with pytest.raises(GeometryError, match=r"unit\.urdf: PyBullet cannot load this URDF"):
         BulletWorld(scene, PLACEMENT, tags=BrokenTags(scene, tmp_path))
     assert sum(pybullet.isConnected(i) for i in range(64)) == open_before
