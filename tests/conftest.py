@@ -11,6 +11,7 @@ from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import TypeVar
 
 import pytest
 from hypothesis import settings
@@ -31,6 +32,8 @@ CALIBRATION: Mapping[str, str] = {"as_built": "perfect"}
 BLIND: Mapping[str, str] = {"plant": "unicycle", "perception": "parametric"}
 
 ShippedScene = Callable[..., Scene]
+
+T = TypeVar("T")
 
 #: Examples are the same in every run, on every machine: a test fails for what was changed, never by chance.
 settings.register_profile("fixed", derandomize=True, deadline=None)
@@ -87,6 +90,12 @@ def pose_error(found: SE2, true: SE2) -> Array:
     off = found.as_array() - true.as_array()
     off[2] = wrap_angle(float(off[2]))
     return off
+
+
+def not_none(value: T | None) -> T:
+    """Return a value that has to be there."""
+    assert value is not None
+    return value
 
 
 def load_script(path: Path) -> ModuleType:

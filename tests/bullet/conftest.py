@@ -6,7 +6,7 @@ import math
 import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -71,10 +71,8 @@ def interruptible() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
-@pytest.fixture(scope="session")
-def inline() -> InlineExecutor:
-    """An executor for sweeps without other processes."""
-    return InlineExecutor()
+#: An executor for sweeps without other processes.
+inline = InlineExecutor()
 
 
 @pytest.fixture
@@ -97,12 +95,9 @@ def client() -> Iterator[int]:
     pybullet.disconnect(client)
 
 
-@pytest.fixture(scope="session")
-def with_step() -> Callable[..., Snapshot]:
+def with_step(snapshot: Snapshot, **changes: Any) -> Snapshot:
     """Return a snapshot with changes in its first step."""
-    return lambda snapshot, **changes: replace(
-        snapshot, steps=(replace(snapshot.steps[0], **changes), *snapshot.steps[1:])
-    )
+    return replace(snapshot, steps=(replace(snapshot.steps[0], **changes), *snapshot.steps[1:]))
 
 
 @pytest.fixture(scope="session")
@@ -301,7 +296,7 @@ class Bench:
         self.plant.command("a", Twist())
 
 
-def make_scene(port: str = "rear", **keys: Any) -> Scene:
+def two_units(port: str = "rear", **keys: Any) -> Scene:
     """A scene of two units, ``a`` docking to ``b``; ``keys`` are top-level keys of the scene."""
     return Scene.model_validate(
         {
@@ -313,7 +308,7 @@ def make_scene(port: str = "rear", **keys: Any) -> Scene:
     )
 
 
-def place(scene: Scene, X_DP: SE2) -> Placement:
+def before_port(scene: Scene, X_DP: SE2) -> Placement:
     """Place ``a`` so that its front port stands at ``X_DP`` in the dock frame of its target.
 
     Units that are assembled with ``b`` stand in their seats.
@@ -328,30 +323,15 @@ def place(scene: Scene, X_DP: SE2) -> Placement:
 
 
 @contextmanager
-def open_bench(kind: str, X_DP: SE2, port: str = "rear", **keys: Any) -> Iterator[Bench]:
+def bench(kind: str, X_DP: SE2, port: str = "rear", **keys: Any) -> Iterator[Bench]:
     """Set up a plant of a kind (``bullet`` or ``unicycle``) and close it afterwards."""
-    scene = make_scene(port, **keys)
-    placement = place(scene, X_DP)
+    scene = two_units(port, **keys)
+    placement = before_port(scene, X_DP)
     if kind == "bullet":
         with BulletWorld(scene, placement, built=draw_as_built(scene, 0)) as world:
             yield Bench(scene, BulletPlant(world))
     else:
         yield Bench(scene, KinematicPlant(scene, placement))
-
-
-@pytest.fixture(scope="session")
-def two_units() -> Callable[..., Scene]:
-    return make_scene
-
-
-@pytest.fixture(scope="session")
-def before_port() -> Callable[..., Placement]:
-    return place
-
-
-@pytest.fixture(scope="session")
-def bench() -> Callable[..., AbstractContextManager[Bench]]:
-    return open_bench
 
 
 @pytest.fixture(scope="session")

@@ -16,10 +16,10 @@ from msrr_bullet.cli.app import run
 from msrr_bullet.log import read_log
 from msrr_bullet.run import run_trial
 from msrr_bullet.sweep.sweep import run_sweep
-from msrr_bullet.sweep.worker_pool import SupportsSubmit
 from msrr_bullet.wall_limit import WallLimitError, within_wall_limit
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.conftest import inline
 
 Load = Callable[..., Scene]
 
@@ -62,7 +62,7 @@ def test_a_controller_that_never_answers_is_ended_and_its_log_stays(stuck: Scene
     assert read_log(tmp_path / "run").header.seed == 1
 
 
-def test_a_sweep_counts_what_takes_too_long_and_goes_on(stuck: Scene, inline: SupportsSubmit) -> None:
+def test_a_sweep_counts_what_takes_too_long_and_goes_on(stuck: Scene) -> None:
     summary = run_sweep(stuck, range(2), executor=inline, wall_limit_s=0.5)
     assert summary.trials == 2
     assert [(f.seed, f.stopped) for f in summary.failures] == [(0, True), (1, True)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from functools import cache, partial
 
 import cv2
 import numpy as np
@@ -24,24 +25,37 @@ TICK_NS = 10_000_000  # encoders at 100 Hz
 FRAME_TICKS = 4  # camera at 25 Hz
 
 
+SCENE = Scene.model_validate(
+    {
+        "name": "pair",
+        "units": {"a": {"number": 1}, "b": {"number": 2}},
+        "plan": [{"unit": "a", "to": "b.rear"}],
+    }
+)
+TARGET = TargetModel.from_scene(SCENE, SCENE.docks[0])
+
+
 @pytest.fixture(scope="session")
 def scene() -> Scene:
-    return Scene.model_validate(
-        {
-            "name": "pair",
-            "units": {"a": {"number": 1}, "b": {"number": 2}},
-            "plan": [{"unit": "a", "to": "b.rear"}],
-        }
-    )
+    return SCENE
 
 
 @pytest.fixture(scope="session")
-def target(scene: Scene) -> TargetModel:
-    return TargetModel.from_scene(scene, scene.plan[0])
+def careful() -> Scene:
+    """The same, of robots that are built with care."""
+    return Scene.model_validate({**SCENE.model_dump(exclude={"as_built"}), "as_built": "careful"})
 
 
-def _project(target: TargetModel, pose: np.ndarray, points_D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return points, shape (N, 3), in C by the chain of frames, and their pixels, shape (N, 2)."""
+@pytest.fixture(scope="session")
+def target() -> TargetModel:
+    return TARGET
+
+
+def project(target: TargetModel, pose: np.ndarray, points_D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return points, shape (N, 3), in C by the chain of frames, and their pixels, shape (N, 2).
+
+    It is what the kernels compute, written down in another way.
+    """
     x, y, yaw, pitch, roll = (float(a) for a in pose)
     X_DU = SE3.from_xyz_rpy([x, y, 0.0], [roll, pitch, yaw])
     p_C = (target.X_CU @ X_DU.inverse()).act(points_D)
@@ -56,27 +70,17 @@ def leaning(target: TargetModel) -> TargetModel:
     return replace(target, X_UC=target.X_UC @ SE3.from_xyz_rpy([0.01, -0.02, 0.03], [0.3, -0.2, 0.1]))
 
 
-@pytest.fixture(scope="session")
-def project() -> Callable[..., tuple[np.ndarray, np.ndarray]]:
-    """What the kernels compute, written down as a chain of frames."""
-    return _project
+def jacobian(
+    pose: np.ndarray, points_D: np.ndarray, by: TargetModel = TARGET
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return pixels, shape (2 N,), and derivatives, shape (2 N, 5), as the kernels compute them."""
+    pixels, J = np.empty(2 * len(points_D)), np.empty((2 * len(points_D), 5))
+    project_into(by.optics, pose, np.ascontiguousarray(points_D), pixels, J)
+    return pixels, J
 
 
-@pytest.fixture(scope="session")
-def jacobian(target: TargetModel) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
-    """Pixels, shape (2 N,), and derivatives, shape (2 N, 5), as the kernels compute them."""
-
-    def compute(
-        pose: np.ndarray, points_D: np.ndarray, by: TargetModel = target
-    ) -> tuple[np.ndarray, np.ndarray]:
-        pixels, J = np.empty(2 * len(points_D)), np.empty((2 * len(points_D), 5))
-        project_into(by.optics, pose, np.ascontiguousarray(points_D), pixels, J)
-        return pixels, J
-
-    return compute
-
-
-def _plate(tag_id: int) -> Pixels:
+@cache
+def plate(tag_id: int) -> Pixels:
     """The print of a tag: 10 x 10 modules, black square 8 x 8; OpenCV's are upside down."""
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     square = cv2.aruco.generateImageMarker(family, tag_id, 8, borderBits=1)
@@ -84,7 +88,7 @@ def _plate(tag_id: int) -> Pixels:
     return np.kron(bits, np.ones((24, 24), dtype=np.uint8))
 
 
-def _warp(window: Window, prints: Iterable[tuple[Pixels, np.ndarray]], background: int = 110) -> Pixels:
+def warp(window: Window, prints: Iterable[tuple[Pixels, np.ndarray]], background: int = 110) -> Pixels:
     """Draw prints (bitmap, pixels of the black square's corners) into a window, as a lens would."""
     prints = list(prints)
     picture = np.full((window.height, window.width), background, dtype=np.uint8)
@@ -115,23 +119,13 @@ def _drawn(window: Window, prints: Iterable[tuple[Pixels, np.ndarray]], backgrou
     return cv2.resize(canvas, (window.width, window.height), interpolation=cv2.INTER_AREA)
 
 
-Draw = Callable[[SE2, Window], Pixels]
+def draw(X_DU: SE2, window: Window) -> Pixels:
+    """Return a picture of the tags of the target port from a pose."""
+    corners = [project(TARGET, pose_vector(X_DU), TARGET.corners_D[tag])[1] for tag in TARGET.port_tags]
+    return warp(window, zip(map(plate, TARGET.port_tags), corners, strict=True))
 
 
-@pytest.fixture(scope="session")
-def draw(target: TargetModel) -> Draw:
-    """Picture of the target port's tags from a pose."""
-
-    prints = {tag: _plate(tag) for tag in target.port_tags}
-
-    def picture(X_DU: SE2, window: Window) -> Pixels:
-        pose = pose_vector(X_DU)
-        return _warp(window, [(p, _project(target, pose, target.corners_D[t])[1]) for t, p in prints.items()])
-
-    return picture
-
-
-def _see(
+def see_target(
     target: TargetModel,
     pose: np.ndarray,
     tags: Iterable[int],
@@ -141,7 +135,7 @@ def _see(
     """Detections at exact or noisy corners."""
     found = []
     for tag in tags:
-        _, pixels = _project(target, pose, target.corners_D[tag])
+        _, pixels = project(target, pose, target.corners_D[tag])
         found.append(TagDetection(tag, pixels if rng is None else pixels + rng.normal(0.0, sigma, (4, 2))))
     return tuple(found)
 
@@ -191,25 +185,8 @@ class Drive:
 
     def look(self) -> Detections:
         pose = pose_vector(self.X_DU, *self._tilt)
-        tags = _see(self.target, pose, self.tags or self.target.port_tags, self.rng, self.sigma)
+        tags = see_target(self.target, pose, self.tags or self.target.port_tags, self.rng, self.sigma)
         return Detections(Exposure("a/onboard", self.tick // FRAME_TICKS, self.now_ns), tags, ())
 
 
-@pytest.fixture(scope="session")
-def make_drive(target: TargetModel) -> Callable[..., Drive]:
-    return lambda seed, **options: Drive(target, seed, **options)
-
-
-@pytest.fixture(scope="session")
-def plate() -> Callable[[int], Pixels]:
-    return _plate
-
-
-@pytest.fixture(scope="session")
-def warp() -> Callable[..., Pixels]:
-    return _warp
-
-
-@pytest.fixture(scope="session")
-def see(target: TargetModel) -> Callable[..., tuple[TagDetection, ...]]:
-    return lambda pose, tags, rng=None, sigma=0.3: _see(target, pose, tags, rng, sigma)
+see, make_drive = partial(see_target, TARGET), partial(Drive, TARGET)

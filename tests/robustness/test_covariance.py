@@ -39,7 +39,7 @@ from msrr_scenes.specs.as_built import Grade, graded_optics
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import OdometrySpec
-from tests.conftest import pose_error
+from tests.conftest import not_none, pose_error
 
 #: Gaps of the standing views [m], their number, and frames at 25 Hz for which the unit stands.
 GAPS_M, VIEWS, FRAMES = (0.58, 0.62), 16, 51
@@ -88,8 +88,7 @@ def stand(view: Any, target: TargetModel, key: int, blur_px: float) -> Sample:
         estimator.add_odometry(WheelOdometry("a", now_ns, 0.0, 0.0))
         exposure = Exposure(target.camera_name, frame + 1, now_ns)
         estimator.add_detections(vision.detect(exposure, estimator.predict(now_ns), fetch))
-    estimate = estimator.estimate(now_ns)
-    assert estimate is not None
+    estimate = not_none(estimator.estimate(now_ns))
     return sample(estimate, view.X_DU)
 
 

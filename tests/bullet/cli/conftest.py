@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.sweep.trials import run_trials
-from msrr_bullet.sweep.worker_pool import SupportsSubmit
+from tests.bullet.conftest import inline
 
 
 @pytest.fixture(autouse=True)
@@ -22,6 +23,12 @@ def short_trial() -> list[str]:
 
 
 @pytest.fixture
-def sweeps_here(monkeypatch: pytest.MonkeyPatch, inline: SupportsSubmit) -> None:
+def sweeps_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Trials of sweeps run in this process: to start another one takes longer than they do."""
     monkeypatch.setattr("msrr_bullet.sweep.trials.run_trials", partial(run_trials, executor=inline))
+
+
+@pytest.fixture
+def replays_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Replays run in this process, for the same reason."""
+    monkeypatch.setattr("msrr_bullet.replay.isolation.replay_isolated", replay)

@@ -84,11 +84,12 @@ def test_the_help_of_schema_names_every_kind_of_file(capsys: Capture) -> None:
     assert [kind for kind in KINDS if kind not in said] == []
 
 
-def test_help_loads_nothing_that_only_a_trial_needs() -> None:
+def test_help_and_the_list_of_scenes_load_nothing_that_only_a_trial_needs() -> None:
     """The models of a scene alone take twice as long as all the rest of the help."""
-    (loaded,) = _loaded_by("--help")
-    assert "typer" in loaded
-    assert loaded.isdisjoint({"numpy", "pydantic", "pybullet", "cv2", "rich", "multiprocessing"})
+    helped, listed = _loaded_by("--help", "scenes")
+    assert "typer" in helped
+    assert helped.isdisjoint({"numpy", "pydantic", "pybullet", "cv2", "rich", "multiprocessing"})
+    assert listed.isdisjoint({"pybullet", "cv2", "fcl", "matplotlib", "meshcat"})
 
 
 def test_a_check_loads_nothing_that_it_does_not_need() -> None:
@@ -229,22 +230,6 @@ def test_bad_input_is_one_message_and_code_2(arguments: list[str], message: str,
     assert message in err
     assert "Traceback" not in err
     assert out == ""
-
-
-def test_python_runs_the_command_line_by_the_name_of_the_package() -> None:
-    command = [sys.executable, "-m", "msrr_bullet", "schema", "no_such_kind"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "no_such_kind" in done.stderr
-
-
-def test_the_program_starts_without_the_simulator() -> None:
-    code = (
-        "import sys, msrr_bullet.cli.app as cli; cli.run(['scenes']); "
-        "print([m for m in ('pybullet', 'cv2', 'fcl', 'matplotlib', 'meshcat') if m in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "[]"
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.nightly)])

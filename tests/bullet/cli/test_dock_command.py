@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.cli.app import run
+from msrr_bullet.replay.log_replay import replay
 from msrr_bullet.trial.result import TrialResult
 
 Capture = pytest.CaptureFixture[str]
@@ -100,7 +101,7 @@ class Law:
 
 
 def test_a_user_s_class_in_the_current_folder_that_fails_is_bad_input(
-    short_trial: list[str], tmp_path: Path, capsys: Capture
+    short_trial: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It was not found without PYTHONPATH, and its failure asked to be reported as ours."""
     (tmp_path / "broken_law.py").write_text(BROKEN)
@@ -119,9 +120,11 @@ def test_a_user_s_class_in_the_current_folder_that_fails_is_bad_input(
     assert done.stderr.startswith(f"msrr: {says}")
     assert "report" not in done.stderr
 
-    # A replay starts a process of its own, in which the class runs.
-    assert run(["replay", "run"]) == 2
+    with monkeypatch.context() as patched:
+        patched.setattr("msrr_bullet.replay.isolation.replay_isolated", replay)
+        assert run(["replay", "run"]) == 2
     assert "the log names broken_law:Law by import path" in capsys.readouterr().err
+    # A replay starts a process of its own, in which the class runs.
     assert run(["replay", "run", "--trust"]) == 0
     out, err = capsys.readouterr()
     assert "run: identical" in out

@@ -182,7 +182,7 @@ def test_a_full_folder_of_machine_code_is_named_with_what_helps(
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["schema"]])
+@pytest.mark.parametrize("arguments", [["--help"], ["schema"]])
 def test_what_there_is_no_room_for_on_standard_output_is_one_message(
     arguments: list[str], unbuffered: str
 ) -> None:

@@ -19,6 +19,7 @@ from msrr_scenes.messages import NS_PER_S, Action
 from msrr_scenes.specs.scene import Scene
 
 
+@pytest.mark.usefixtures("replays_here")
 def test_a_log_that_ends_early_is_not_taken_for_a_whole_one(
     short_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -48,7 +49,7 @@ def test_of_a_whole_log_and_in_a_film_as_well(
     assert run(["replay", str(short_run)]) == 0
 
 
-@pytest.mark.usefixtures("undrawn_runs")
+@pytest.mark.usefixtures("undrawn_runs", "replays_here")
 def test_a_trial_that_was_interrupted_is_not_taken_for_a_whole_one(
     shipped: Callable[..., Scene], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -71,6 +72,7 @@ def test_a_trial_that_was_interrupted_is_not_taken_for_a_whole_one(
     assert capsys.readouterr().err == f"{folder / LOG_NAME}: the trial was interrupted at {found[1]} s\n"
 
 
+@pytest.mark.usefixtures("replays_here")
 def test_a_replay_that_ends_at_a_difference_does_not_say_that_the_trial_was_interrupted(
     short_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

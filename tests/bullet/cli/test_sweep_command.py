@@ -289,6 +289,7 @@ def test_values_that_cannot_be_varied_are_refused_before_any_trial(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.usefixtures("sweeps_here")
 def test_a_sweep_at_several_values_that_is_stopped_keeps_what_it_has(
     short_trial: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

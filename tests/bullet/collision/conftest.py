@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-import pytest
 from scipy.spatial import ConvexHull
 
 from msrr_bullet.collision.footprint import Part
@@ -42,18 +40,3 @@ def random_polygon(rng):
 
 def random_pose(rng, spread=0.8):
     return SE2(*(spread * rng.normal(size=2)), rng.uniform(-math.pi, math.pi))
-
-
-@pytest.fixture(scope="session")
-def exact() -> Callable[..., tuple[float, np.ndarray]]:
-    return exact_distance
-
-
-@pytest.fixture(scope="session")
-def polygon() -> Callable[[np.random.Generator], Part]:
-    return random_polygon
-
-
-@pytest.fixture(scope="session")
-def pose() -> Callable[..., SE2]:
-    return random_pose

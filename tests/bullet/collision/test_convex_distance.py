@@ -11,21 +11,17 @@ from msrr_bullet.collision.convex_distance import PartPair, PlacedPart
 from msrr_bullet.collision.footprint import Part
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.random_streams import stream
+from tests.bullet.collision.conftest import exact_distance, random_polygon, random_pose
 
 #: FCL represents a point by a sphere of a nanometre; a few of those are rounding here [m].
 NANO = 2e-8
 
 
-@pytest.fixture
-def part(polygon):
+def random_part(rng):
     """Draw a polygon or a disc."""
-
-    def draw(rng):
-        if rng.random() < 0.3:
-            return Part.disc(*rng.normal(size=2) * 0.1, rng.uniform(0.01, 0.3))
-        return polygon(rng)
-
-    return draw
+    if rng.random() < 0.3:
+        return Part.disc(*rng.normal(size=2) * 0.1, rng.uniform(0.01, 0.3))
+    return random_polygon(rng)
 
 
 def move(placed: PlacedPart, X: SE2) -> None:
@@ -39,13 +35,13 @@ def pair_of(a: Part, X_WA: SE2, b: Part, X_WB: SE2) -> PartPair:
     return PartPair(*placed)
 
 
-def test_distance_and_points_are_exact(part, pose, exact) -> None:
+def test_distance_and_points_are_exact() -> None:
     """1000 pairs, a quarter of which overlap: points on both parts that span the distance."""
     rng = stream(1, "test_convex_distance/exact")
     overlapping = 0
     for _ in range(1000):
-        a, b, X_WA, X_WB = part(rng), part(rng), pose(rng, 0.3), pose(rng, 0.3)
-        expected, _ = exact(X_WA.act(a.core), X_WB.act(b.core), a.radius + b.radius)
+        a, b, X_WA, X_WB = random_part(rng), random_part(rng), random_pose(rng, 0.3), random_pose(rng, 0.3)
+        expected, _ = exact_distance(X_WA.act(a.core), X_WB.act(b.core), a.radius + b.radius)
         gap = pair_of(a, X_WA, b, X_WB).measure()
         assert gap.distance == pytest.approx(expected, abs=1e-6)
         p, q = np.array([gap.point_a]), np.array([gap.point_b])
@@ -56,12 +52,12 @@ def test_distance_and_points_are_exact(part, pose, exact) -> None:
     assert 150 < overlapping < 850
 
 
-def test_bounds_never_exceed_the_distance(part, pose) -> None:
+def test_bounds_never_exceed_the_distance() -> None:
     """A walk of two parts, with bounds before and after the first measurement."""
     rng = stream(2, "test_convex_distance/bounds")
     excluded = 0
     for _ in range(60):
-        a, b, X_WA, X_WB = part(rng), part(rng), pose(rng, 0.3), pose(rng, 0.5)
+        a, b, X_WA, X_WB = random_part(rng), random_part(rng), random_pose(rng, 0.3), random_pose(rng, 0.5)
         placed = PlacedPart(a), PlacedPart(b)
         pair = PartPair(*placed)
         for step in range(20):
@@ -77,7 +73,7 @@ def test_bounds_never_exceed_the_distance(part, pose) -> None:
     assert excluded > 600  # the bounds are of use
 
 
-def test_shapes_that_nearly_touch_are_measured_exactly(exact) -> None:
+def test_shapes_that_nearly_touch_are_measured_exactly() -> None:
     """A disc straight in front of a face, micrometres away, where the search of FCL ends too early."""
     face = Part.polygon([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]])
     disc = Part.disc(0.0, 0.0, 0.05)

@@ -18,6 +18,7 @@ from msrr_bullet.collision.footprint import (
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.bodies import BoxSpec, CylinderSpec
+from tests.bullet.collision.conftest import random_polygon
 
 UNIT = read_unit(find_urdf("unit.urdf"))
 
@@ -54,10 +55,10 @@ def test_the_footprint_of_the_unit_is_the_projection_of_all_solids():
     np.testing.assert_allclose(by_parts, by_solids, atol=3e-4)
 
 
-def test_simplify_keeps_the_union(polygon):
+def test_simplify_keeps_the_union():
     rng = stream(4, "test_clearance/simplify")
     for _ in range(20):
-        parts = [polygon(rng) for _ in range(6)]
+        parts = [random_polygon(rng) for _ in range(6)]
         fewer = simplify(parts)
         points = rng.uniform(-0.6, 0.6, size=(3_000, 2))
         before = np.min([p.gap(points) for p in parts], axis=0)

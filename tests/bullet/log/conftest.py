@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import typing
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -83,13 +82,3 @@ def scene() -> Scene:
 @pytest.fixture(scope="module")
 def header(scene: Scene) -> LogHeader:
     return LogHeader.of(scene, 17, {"python": "3.11", "numpy": "2"})
-
-
-@pytest.fixture(scope="session", name="bits")
-def bits_of() -> Callable[[object], object]:
-    return bits
-
-
-@pytest.fixture(scope="session", name="record_trial")
-def record_trial_in() -> Callable[..., None]:
-    return record_trial

@@ -9,7 +9,6 @@ import math
 import re
 import types
 import typing
-from collections.abc import Callable
 from enum import Enum
 
 import cv2
@@ -29,6 +28,7 @@ from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Exposure
+from tests.bullet.log.conftest import bits
 
 #: The pixels of a window are in a frame, by which a reader gives them back.
 WITHOUT_PIXELS = [kind for kind in message_types() if kind is not CameraWindow]
@@ -79,9 +79,7 @@ def strategy(kind: typing.Any, name: str = "") -> st.SearchStrategy[typing.Any]:
 @pytest.mark.parametrize("kind", WITHOUT_PIXELS, ids=lambda kind: kind.__name__)
 @settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
-def test_every_message_comes_back_bit_for_bit(
-    kind: type, data: st.DataObject, bits: Callable[[object], object]
-) -> None:
+def test_every_message_comes_back_bit_for_bit(kind: type, data: st.DataObject) -> None:
     message = data.draw(strategy(kind))
     message_format = format_of(message)
     text = to_bytes(message_format.encode(message))
@@ -143,7 +141,7 @@ def test_renamed_classes_keep_their_names_in_logs() -> None:
         assert format_named(name).schema["title"] == f"msrr.{name}"
 
 
-def test_a_window_of_an_old_log_holds_its_own_pixels(bits: Callable[[object], object]) -> None:
+def test_a_window_of_an_old_log_holds_its_own_pixels() -> None:
     pixels = np.random.default_rng(1).integers(0, 256, (7, 33), dtype=np.uint8)
     window = CameraWindow(Exposure("a/onboard", 3, 40), Window(5, 6, 33, 7), pixels)
     message_format = format_of(window)

@@ -21,13 +21,10 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import PoseEstimate, WheelOdometry
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.log.conftest import record_trial
 
-Record = Callable[..., None]
 
-
-def test_clients_get_messages_in_the_schemas_of_foxglove(
-    tmp_path: Path, header: LogHeader, record_trial: Record
-) -> None:
+def test_clients_get_messages_in_the_schemas_of_foxglove(tmp_path: Path, header: LogHeader) -> None:
     """The decoder goes by the schemas in the file, as every client does."""
     with McapRecorder(tmp_path / "t.mcap", header) as recorder:
         recorder.write(topics.STEPS, 0, StepStart(0, 0, "a"))

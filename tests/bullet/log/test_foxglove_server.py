@@ -11,7 +11,6 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -27,8 +26,7 @@ from tornado.websocket import websocket_connect
 from msrr_bullet.log import Event, LogHeader, StepStart, topics
 from msrr_bullet.log.foxglove_server import HOST, FoxgloveServer
 from msrr_bullet.log.mcap_recorder import McapRecorder
-
-Record = Callable[..., None]
+from tests.bullet.log.conftest import record_trial
 
 #: First bytes of the binary messages of a server.
 MESSAGE_DATA, TIME = 1, 2
@@ -87,9 +85,7 @@ def decoded(schema: Schema, data: bytes) -> Any:
     return decode(data)
 
 
-def test_a_client_sees_the_start_and_what_follows(
-    tmp_path: Path, header: LogHeader, record_trial: Record
-) -> None:
+def test_a_client_sees_the_start_and_what_follows(tmp_path: Path, header: LogHeader) -> None:
     with FoxgloveServer() as server:
         assert server.url.startswith(f"ws://{HOST}:")
 
@@ -117,7 +113,7 @@ def test_a_client_sees_the_start_and_what_follows(
 
 
 def test_a_client_that_subscribes_late_gets_the_last_message_of_every_topic(
-    tmp_path: Path, header: LogHeader, record_trial: Record
+    tmp_path: Path, header: LogHeader
 ) -> None:
     """As transient local durability gives it; what that is, the file of the log says. It gets all events."""
     late = {"/tf": 1, "/scene": 1, "/scene/estimates": 1, "/joint_states/a": 1, "/log": 3, "/events": 1}
@@ -155,7 +151,7 @@ def test_a_client_that_subscribes_late_gets_the_last_message_of_every_topic(
     assert {topic: sent[topic][-1:] for topic in got} == got
 
 
-def test_clients_get_the_clock_of_the_trial(tmp_path: Path, header: LogHeader, record_trial: Record) -> None:
+def test_clients_get_the_clock_of_the_trial(tmp_path: Path, header: LogHeader) -> None:
     """Without one, Foxglove takes that of the wall: it draws and plots by when messages arrive."""
     clock: list[int] = []
     with FoxgloveServer() as server, ThreadPoolExecutor(max_workers=1) as pool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +11,11 @@ import pytest
 from msrr_bullet.log import LogError, LogHeader, read_log
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.log.conftest import bits
 
 
 def test_the_header_gives_back_scene_seed_and_geometry(
-    tmp_path: Path, scene: Scene, header: LogHeader, bits: Callable[[object], object]
+    tmp_path: Path, scene: Scene, header: LogHeader
 ) -> None:
     with McapRecorder(tmp_path / "t.mcap", header):
         pass

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +16,10 @@ from msrr_bullet.log import CameraWindow, Event, LogError, LogHeader, read_log, 
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure
+from tests.bullet.log.conftest import record_trial
 
-Record = Callable[..., None]
 
-
-def test_the_same_messages_give_the_same_file(
-    tmp_path: Path, header: LogHeader, record_trial: Record
-) -> None:
+def test_the_same_messages_give_the_same_file(tmp_path: Path, header: LogHeader) -> None:
     for name in ("one", "two"):
         with McapRecorder(tmp_path / name, header) as recorder:
             record_trial(recorder, 3.0)
@@ -64,7 +60,7 @@ def test_a_full_disk_is_one_error_that_names_the_file(header: LogHeader) -> None
 
 
 def test_a_full_disk_raises_while_recording_and_closing_still_works(
-    tmp_path: Path, header: LogHeader, record_trial: Record
+    tmp_path: Path, header: LogHeader
 ) -> None:
     recorder = McapRecorder(tmp_path / "t.mcap", header, flush_every_s=0.1)
     full = os.open("/dev/full", os.O_WRONLY)

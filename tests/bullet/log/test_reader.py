@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,13 +21,10 @@ from msrr_bullet.log.records import StartPoses
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Exposure, GlobalPose, PoseMeasurement, WheelOdometry
+from tests.bullet.log.conftest import bits, record_trial
 
-Record = Callable[..., None]
 
-
-def test_a_log_reads_back_in_its_order(
-    tmp_path: Path, header: LogHeader, record_trial: Record, bits: Callable[[object], object]
-) -> None:
+def test_a_log_reads_back_in_its_order(tmp_path: Path, header: LogHeader) -> None:
     path = tmp_path / "trial.mcap"
     memory = MemoryRecorder()
     memory.write(topics.FRAMES, 0, scene_frames(header.scene))
@@ -49,9 +45,7 @@ def test_a_log_reads_back_in_its_order(
     assert {r.topic for r in log.records()} == {topic for topic, _, _ in memory.messages}
 
 
-def test_messages_are_those_that_the_reader_of_mcap_finds(
-    tmp_path: Path, header: LogHeader, record_trial: Record
-) -> None:
+def test_messages_are_those_that_the_reader_of_mcap_finds(tmp_path: Path, header: LogHeader) -> None:
     path = tmp_path / "trial.mcap"
     with McapRecorder(path, header, flush_every_s=0.5) as recorder:
         record_trial(recorder, 2.5)
@@ -62,9 +56,7 @@ def test_messages_are_those_that_the_reader_of_mcap_finds(
     assert [(r.topic, r.stamp_ns, r.sequence, r.data) for r in read_log(path).records()] == exact
 
 
-def test_a_file_that_was_cut_off_anywhere_is_read_up_to_the_cut(
-    tmp_path: Path, header: LogHeader, record_trial: Record
-) -> None:
+def test_a_file_that_was_cut_off_anywhere_is_read_up_to_the_cut(tmp_path: Path, header: LogHeader) -> None:
     whole = tmp_path / "whole"
     with McapRecorder(whole, header, flush_every_s=0.2) as recorder:
         record_trial(recorder, 2.0)
@@ -93,9 +85,7 @@ def _opens(folder: Path, content: bytes) -> bool:
     return True
 
 
-def test_damage_is_not_mistaken_for_an_early_end(
-    tmp_path: Path, header: LogHeader, record_trial: Record
-) -> None:
+def test_damage_is_not_mistaken_for_an_early_end(tmp_path: Path, header: LogHeader) -> None:
     path = tmp_path / "t.mcap"
     with McapRecorder(path, header) as recorder:
         record_trial(recorder, 1.0)

@@ -10,9 +10,10 @@ from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement
+from tests.bullet.conftest import before_port, bench, two_units
 
 
-def test_a_unicycle_moves_on_exact_arcs(two_units):
+def test_a_unicycle_moves_on_exact_arcs():
     scene = two_units(limits={"a_max_mps2": 1e6, "dw_max_radps2": 1e6, "kappa_per_s": 1e6})
     plant = KinematicPlant(scene, Placement({"a": SE2(0.1, 0.2, 0.3), "b": SE2(2, 2, 0)}, {}))
     plant.command("a", Twist(0.2, 0.7))
@@ -26,7 +27,7 @@ def test_a_unicycle_moves_on_exact_arcs(two_units):
     assert 0.033 * (right - left) / 0.13 == pytest.approx(1.4)
 
 
-def test_a_world_follows_the_unicycles(two_units, before_port):
+def test_a_world_follows_the_unicycles():
     scene = two_units()
     with BulletWorld(scene, before_port(scene, SE2(-0.3, 0.02, 0.1))) as world:
         plant = KinematicPlant(scene, before_port(scene, SE2(-0.3, 0.02, 0.1)), world)
@@ -37,7 +38,7 @@ def test_a_world_follows_the_unicycles(two_units, before_port):
         assert world.wheel_angles("a") == pytest.approx(plant.wheel_angles("a"))
 
 
-def test_a_locked_unicycle_follows_the_unit_it_is_locked_to(bench):
+def test_a_locked_unicycle_follows_the_unit_it_is_locked_to():
     with bench("unicycle", SE2(-0.02, 0.001, 0.0)) as b:
         b.dock()
         before = b.X_DP()
@@ -47,7 +48,7 @@ def test_a_locked_unicycle_follows_the_unit_it_is_locked_to(bench):
         np.testing.assert_allclose(after.as_array(), before.as_array(), atol=1e-3)
 
 
-def test_no_file_is_looked_for_while_the_units_move(two_units, before_port, monkeypatch):
+def test_no_file_is_looked_for_while_the_units_move(monkeypatch):
     """However many ticks and units: files are found when the plant is built."""
     scene = two_units()
     looked_for = []
@@ -68,7 +69,7 @@ def test_no_file_is_looked_for_while_the_units_move(two_units, before_port, monk
     assert looked_for == []
 
 
-def test_the_funnel_captures_up_to_a_lateral_error_of_13_mm(two_units, before_port):
+def test_the_funnel_captures_up_to_a_lateral_error_of_13_mm():
     scene = two_units()
     for lateral, seats in ((0.0129, True), (0.0131, False)):
         plant = KinematicPlant(scene, before_port(scene, SE2(-0.03, lateral, 0.0)))

@@ -13,6 +13,7 @@ from msrr_scenes.geometry.pin_and_hole import PinAndHole
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
 from msrr_scenes.random_streams import stream
+from tests.bullet.conftest import before_port, bench, two_units
 
 #: Where the pins are at the mouth of the shipped unit: gap of the faces [m].
 MOUTH_M = 0.018
@@ -22,7 +23,7 @@ def _move(before: SE2, after: SE2) -> float:
     return math.hypot(after.x - before.x, after.y - before.y)
 
 
-def test_the_face_of_the_shipped_unit_is_16_cm_wide(two_units) -> None:
+def test_the_face_of_the_shipped_unit_is_16_cm_wide() -> None:
     geometry = two_units().geometry("b")
     assert [face_half_width(geometry, port) for port in ("rear", "left", "right")] == pytest.approx(
         [0.08] * 3
@@ -41,7 +42,7 @@ def test_the_face_of_the_shipped_unit_is_16_cm_wide(two_units) -> None:
         SE2(-0.3, 0.9, -1.0),
     ],
 )
-def test_a_unit_at_rest_stays_where_it_is(bench, X_DP: SE2) -> None:
+def test_a_unit_at_rest_stays_where_it_is(X_DP: SE2) -> None:
     with bench("unicycle", X_DP) as b:
         start = b.plant.pose("a")
         b.drive(0.0, 0.1)
@@ -51,7 +52,7 @@ def test_a_unit_at_rest_stays_where_it_is(bench, X_DP: SE2) -> None:
         assert b.plant.switches("a") == (False, False)
 
 
-def test_nothing_moves_farther_in_a_tick_than_wheels_and_funnel_make_it(bench) -> None:
+def test_nothing_moves_farther_in_a_tick_than_wheels_and_funnel_make_it() -> None:
     """60 units driven about from anywhere: the funnel draws in by at most 0.64 m sideways per m of depth."""
     rng = stream(3, "test/anywhere")
     for _ in range(60):
@@ -67,7 +68,7 @@ def test_nothing_moves_farther_in_a_tick_than_wheels_and_funnel_make_it(bench) -
 
 
 @pytest.mark.parametrize(("beside_m", "stopped"), [(0.02, True), (0.07, True), (0.09, False), (0.3, False)])
-def test_the_mouth_is_as_wide_as_the_face(bench, beside_m: float, stopped: bool) -> None:
+def test_the_mouth_is_as_wide_as_the_face(beside_m: float, stopped: bool) -> None:
     with bench("unicycle", SE2(-0.05, beside_m, 0.0)) as b:
         b.drive(0.1, 1.5)
         assert b.plant.pins_touch("a") is stopped
@@ -75,7 +76,7 @@ def test_the_mouth_is_as_wide_as_the_face(bench, beside_m: float, stopped: bool)
 
 
 @pytest.mark.parametrize("yaw_deg", [0.0, 30.0, -60.0])
-def test_the_tips_stop_at_the_mouth_at_any_angle(bench, yaw_deg: float) -> None:
+def test_the_tips_stop_at_the_mouth_at_any_angle(yaw_deg: float) -> None:
     with bench("unicycle", SE2(-0.03, 0.02, math.radians(yaw_deg))) as b:
         for _ in range(480):
             before = b.plant.pose("a")
@@ -85,7 +86,7 @@ def test_the_tips_stop_at_the_mouth_at_any_angle(bench, yaw_deg: float) -> None:
         assert (b.X_DP() @ SE2(MOUTH_M)).x == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_mouth_is_no_matter_to_pins_that_point_away_from_it(bench) -> None:
+def test_the_mouth_is_no_matter_to_pins_that_point_away_from_it() -> None:
     """Backing through the plane of the mouth: there the bodies overlap, and the judge has seen it."""
     with bench("unicycle", SE2(0.01, 0.03, math.pi)) as b:
         b.drive(-0.1, 1.0)
@@ -93,7 +94,7 @@ def test_the_mouth_is_no_matter_to_pins_that_point_away_from_it(bench) -> None:
         assert not b.plant.pins_touch("a")
 
 
-def test_who_comes_out_through_the_port_is_not_held(bench) -> None:
+def test_who_comes_out_through_the_port_is_not_held() -> None:
     """From inside the other unit, where only the judge has a say, to before it."""
     with bench("unicycle", SE2(0.05, 0.03, 0.0)) as b:
         b.drive(-0.1, 1.5)
@@ -103,7 +104,7 @@ def test_who_comes_out_through_the_port_is_not_held(bench) -> None:
         assert b.gap == pytest.approx(MOUTH_M, abs=1e-6)
 
 
-def test_pins_in_the_funnel_at_first_are_held_there(bench) -> None:
+def test_pins_in_the_funnel_at_first_are_held_there() -> None:
     with bench("unicycle", SE2(-0.009, 0.004, 0.0)) as b:
         b.drive(0.05, 1.0)
         assert b.plant.switches("a") == (True, True)
@@ -117,7 +118,7 @@ def test_pins_enter_mouths_of_any_width_before_they_reach_their_edges(mouth: flo
 
 
 @pytest.mark.parametrize(("lateral_mm", "yaw_deg"), [(12.0, 0.0), (-12.0, 7.0), (2.0, -7.5)])
-def test_the_play_narrows_with_depth(bench, lateral_mm: float, yaw_deg: float) -> None:
+def test_the_play_narrows_with_depth(lateral_mm: float, yaw_deg: float) -> None:
     """In a straight line from the mouth to the bottom: 13 to 1.5 mm, and 8 deg to none."""
     capture = CaptureRange(0.013, math.radians(8.0), 0.0015)
     deepest, rooms = math.inf, []
@@ -138,7 +139,7 @@ def test_the_play_narrows_with_depth(bench, lateral_mm: float, yaw_deg: float) -
     assert abs(at.y) <= capture.play_m + 1e-9
 
 
-def test_the_funnel_narrows_from_mouth_to_seat(two_units, before_port) -> None:
+def test_the_funnel_narrows_from_mouth_to_seat() -> None:
     """Half way down there is half the way from the mouth's room to the seat's."""
     scene = two_units()
     plant = KinematicPlant(scene, before_port(scene, SE2(-0.019, 0.012, 0.0)))
@@ -152,7 +153,7 @@ def test_the_funnel_narrows_from_mouth_to_seat(two_units, before_port) -> None:
     assert at.y == pytest.approx(0.00725, abs=2e-4)
 
 
-def test_pins_touch_where_the_switches_close_as_they_were_built(two_units, before_port) -> None:
+def test_pins_touch_where_the_switches_close_as_they_were_built() -> None:
     """Down the middle of the funnel nothing touches before the switches, whose travel is not as designed."""
     scene = two_units()
     for error_m in (-0.001, 0.001):

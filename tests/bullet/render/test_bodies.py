@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ import pybullet
 import pytest
 
 from msrr_bullet.render import RenderContext
-from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.raster.bodies import LoadedBodies
 from msrr_bullet.render.raster_renderer import RasterRenderer
 from msrr_bullet.render.tiny_renderer import TinyRenderer
@@ -21,20 +19,17 @@ from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
 from msrr_scenes.geometry.se3 import SE3
+from tests.bullet.render.conftest import add_box, place, plain_floor
 
 CAMERA = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
 SMALL = PinholeCamera.from_hfov(320, 240, math.radians(75.0))
 X_OVERHEAD = SE3(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 2.0]))
 
-AddBox = Callable[..., int]
-Place = Callable[[int, SE3], None]
-PlainFloor = Callable[[float], Floor]
-
 
 @pytest.mark.parametrize(
     "urdf", ["duck_vhacd.urdf", "teddy_vhacd.urdf", "cube_small.urdf", "soccerball.urdf"]
 )
-def test_a_users_mesh_appears_as_tiny_shows_it(client: int, urdf: str, place: Place) -> None:
+def test_a_users_mesh_appears_as_tiny_shows_it(client: int, urdf: str) -> None:
     """Concave bodies, with a texture, without, with normals of their own, standing anyhow."""
     size = {"duck_vhacd.urdf": 2.0, "teddy_vhacd.urdf": 2.0, "cube_small.urdf": 3.0, "soccerball.urdf": 0.2}
     context = RenderContext(client, 4)
@@ -51,7 +46,7 @@ def test_a_users_mesh_appears_as_tiny_shows_it(client: int, urdf: str, place: Pl
     assert np.abs(raster.astype(int) - tiny)[both].mean() < 5.0
 
 
-def test_links_joints_and_offset_frames_stand_where_tiny_has_them(client: int, place: Place) -> None:
+def test_links_joints_and_offset_frames_stand_where_tiny_has_them(client: int) -> None:
     """A robot with moved joints, visual offsets and inertial frames apart from the link frames."""
     robot = pybullet.loadURDF("kuka_iiwa/model.urdf", [0.1, 0.0, 0.6], physicsClientId=client)
     renderer = RasterRenderer(RenderContext(client))
@@ -66,9 +61,7 @@ def test_links_joints_and_offset_frames_stand_where_tiny_has_them(client: int, p
         assert np.mean(np.abs(raster - tiny) > 40) < 2e-3
 
 
-def test_bodies_that_are_added_moved_or_removed_are_noticed(
-    client: int, add_box: AddBox, place: Place, plain_floor: PlainFloor
-) -> None:
+def test_bodies_that_are_added_moved_or_removed_are_noticed(client: int) -> None:
     renderer = RasterRenderer(RenderContext(client, floor=plain_floor(0.0)))
 
     def middle() -> float:
@@ -99,7 +92,7 @@ def test_a_shape_that_cannot_be_drawn_is_an_error(client: int, tmp_path: Path) -
     assert renderer.render(SMALL, X_OVERHEAD, SMALL.frame).shape == (240, 320)
 
 
-def test_a_plate_written_anew_is_read_anew(client: int, tmp_path: Path, place: Place) -> None:
+def test_a_plate_written_anew_is_read_anew(client: int, tmp_path: Path) -> None:
     """Files are cached by name, time and size; two trials of one process may read two meshes of one name."""
     for tag in (3, 4):
         for file in write_plate(tmp_path, tag):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,19 +16,15 @@ from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
+from tests.bullet.render.conftest import add_box, place
 
 CAMERA = PinholeCamera.from_hfov(320, 240, math.radians(75.0))
 X_OVERHEAD = SE3(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 2.0]))
 WINDOW = Window(130, 90, 60, 60)
 
-AddBox = Callable[..., int]
-Place = Callable[[int, SE3], None]
-
 
 @pytest.mark.parametrize("lens", [None, Distortion(k1=-0.08, p1=0.002)], ids=str)
-def test_every_picture_is_that_of_a_new_renderer(
-    client: int, add_box: AddBox, place: Place, lens: Distortion | None
-) -> None:
+def test_every_picture_is_that_of_a_new_renderer(client: int, lens: Distortion | None) -> None:
     """Boxes that jump, creep or stay: into a window, out of it, across its edge, up to the camera."""
     rng = np.random.default_rng(5)
     windows = (WINDOW, Window(-4, 60, 70, 50), Window(250, 170, 70, 70))
@@ -51,9 +47,7 @@ def test_every_picture_is_that_of_a_new_renderer(
             np.testing.assert_array_equal(seen_by(renderer, window), seen_by(new, window))
 
 
-def test_only_what_changes_in_the_window_is_drawn_again(
-    client: int, add_box: AddBox, place: Place, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_what_changes_in_the_window_is_drawn_again(client: int, monkeypatch: pytest.MonkeyPatch) -> None:
     drawn: list[Window] = []
     draw = Rasterizer.draw
 
@@ -100,9 +94,7 @@ def test_only_what_changes_in_the_window_is_drawn_again(
     assert is_drawn(), "a body was added"
 
 
-def test_a_body_that_the_lens_alone_moves_into_the_window_is_drawn(
-    client: int, add_box: AddBox, place: Place
-) -> None:
+def test_a_body_that_the_lens_alone_moves_into_the_window_is_drawn(client: int) -> None:
     lens, window = Distortion(k1=-0.1), Window(300, 220, 10, 10)
     ideal = lens.ideal_pixels(CAMERA, np.array([[304.0, 224.0]]))[0]
     assert (ideal > [window.x_end + 3, window.y_end + 3]).all(), "an ideal lens shows it elsewhere"

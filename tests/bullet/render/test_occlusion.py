@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from msrr_bullet.simulation.tag_plates import load_tag_plate
 from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.geometry.pinhole import PinholeCamera, optical_pose
 from msrr_scenes.geometry.se3 import SE3
+from tests.bullet.render.conftest import add_box, place
 
 #: A tag of 8 x 8 modules, 80 mm wide, 0.5 m ahead of the camera: 8 px per module.
 SIZE, MODULES, DISTANCE = 0.08, 8, 0.5
@@ -50,9 +50,7 @@ def test_nothing_hides_nothing() -> None:
     assert hidden_points(np.empty((0, 3)), np.ones((1, 3, 3))).shape == (0,)
 
 
-def test_a_tag_of_which_a_module_is_hidden_is_not_read(
-    client: int, tmp_path: Path, add_box: Callable[..., int], place: Callable[[int, SE3], None]
-) -> None:
+def test_a_tag_of_which_a_module_is_hidden_is_not_read(client: int, tmp_path: Path) -> None:
     """A dark bar passes a tag, which is read where the bar leaves the tag and its white border free."""
     X_WT = X_WC @ SE3(p=np.array([0.0, 0.0, DISTANCE]))
     load_tag_plate(client, tmp_path, 7, SIZE, X_WT)

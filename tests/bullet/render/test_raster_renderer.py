@@ -9,7 +9,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ import pytest
 from msrr_bullet.bench.renderer_measurements import compare_pixels, measure_corners
 from msrr_bullet.bench.renderer_scenes import add_clutter, facing_units, random_view
 from msrr_bullet.render import Instant, RenderContext, Renderer
-from msrr_bullet.render.floor import Floor, concrete_floor
+from msrr_bullet.render.floor import concrete_floor
 from msrr_bullet.render.raster.rasterizer import compile_kernels
 from msrr_bullet.render.raster_renderer import RasterRenderer
 from msrr_bullet.render.tiny_renderer import TinyRenderer
@@ -31,14 +31,11 @@ from msrr_scenes.geometry.pinhole import PinholeCamera, Window, optical_pose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Pixels
+from tests.bullet.render.conftest import add_box, place, plain_floor
 
 CAMERA = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
 SMALL = PinholeCamera.from_hfov(320, 240, math.radians(75.0))
 X_OVERHEAD = SE3(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.0, 2.0]))
-
-AddBox = Callable[..., int]
-Place = Callable[[int, SE3], None]
-PlainFloor = Callable[[float], Floor]
 
 
 def against_tiny(client: int, camera: PinholeCamera, X_WC: SE3) -> tuple[Pixels, Pixels]:
@@ -70,9 +67,7 @@ def test_corners_lie_where_the_pinhole_model_says() -> None:
     assert raster.rms_px <= rows["tiny 4x"].rms_px, (raster, rows["tiny 4x"])
 
 
-def test_the_same_tags_are_found_behind_a_passing_occluder(
-    client: int, tmp_path: Path, add_box: AddBox, place: Place
-) -> None:
+def test_the_same_tags_are_found_behind_a_passing_occluder(client: int, tmp_path: Path) -> None:
     load_tag_plate(client, tmp_path, 7, 0.06, SE3.from_xyz_rpy([-0.05, 0.0, 1.5], [math.pi, 0.0, 0.0]))
     load_tag_plate(client, tmp_path, 8, 0.06, SE3.from_xyz_rpy([0.05, 0.02, 1.5], [math.pi, 0.0, 0.3]))
     bar = add_box([0.012, 0.2, 0.01], SE3(), 0.5)
@@ -90,9 +85,7 @@ def test_the_same_tags_are_found_behind_a_passing_occluder(
 
 
 @pytest.mark.parametrize("width_px", [0.1, 0.45, 0.9])
-def test_a_wire_thinner_than_a_pixel_is_as_bright_as_it_is_thick(
-    client: int, width_px: float, add_box: AddBox, place: Place, plain_floor: PlainFloor
-) -> None:
+def test_a_wire_thinner_than_a_pixel_is_as_bright_as_it_is_thick(client: int, width_px: float) -> None:
     """Whatever its direction: what falls between the corners of pixels is not lost."""
     distance, length = 0.5, 0.2
     thickness = width_px * distance / CAMERA.focal
@@ -110,9 +103,7 @@ def test_a_wire_thinner_than_a_pixel_is_as_bright_as_it_is_thick(
 
 
 @pytest.mark.parametrize("lens", [None, Distortion(k1=-0.1)], ids=str)
-def test_a_wire_is_seen_in_the_last_column_of_a_window(
-    client: int, lens: Distortion | None, add_box: AddBox, plain_floor: PlainFloor
-) -> None:
+def test_a_wire_is_seen_in_the_last_column_of_a_window(client: int, lens: Distortion | None) -> None:
     """A wire that runs down the right half of a column of pixels and reaches no corner of them."""
     metre = 0.5 / CAMERA.focal  # per pixel, at the distance of the wire
     wire = np.array([(350.3 - CAMERA.cx) * metre, 0.0, 1.5])
@@ -129,7 +120,7 @@ def image_grey_of_a_level_face() -> float:
     return 255.0 * (0.6 + 0.4 * 0.86 / float(np.linalg.norm([-0.45, 0.25, 0.86])))
 
 
-def test_specks_smaller_than_a_pixel_are_not_lost(client: int, add_box: AddBox, place: Place) -> None:
+def test_specks_smaller_than_a_pixel_are_not_lost(client: int) -> None:
     """A plate of 0.4 px, anywhere within a pixel, on a wall that fills the view.
 
     300 places; one picture scatters by about 40 %, the mean by 2.5 %: odds of a false alarm below 1e-4.
@@ -150,7 +141,7 @@ def test_specks_smaller_than_a_pixel_are_not_lost(client: int, add_box: AddBox, 
     assert np.mean(gains) == pytest.approx(0.16 * contrast, rel=0.1)
 
 
-def test_a_camera_inside_the_scene_sees_what_crosses_its_near_plane(client: int, add_box: AddBox) -> None:
+def test_a_camera_inside_the_scene_sees_what_crosses_its_near_plane(client: int) -> None:
     """A tunnel through which the camera looks: all four walls pass the image plane and go on behind it."""
     for side in range(4):
         wall = SE3.from_xyz_rpy([0.0, 0.0, 1.0], [side * math.pi / 2.0, 0.0, 0.0])
@@ -160,7 +151,7 @@ def test_a_camera_inside_the_scene_sees_what_crosses_its_near_plane(client: int,
     assert np.abs(raster.astype(int) - tiny).max() < 40
 
 
-def test_a_sphere_is_round_and_shaded_from_the_light(client: int, plain_floor: PlainFloor) -> None:
+def test_a_sphere_is_round_and_shaded_from_the_light(client: int) -> None:
     shape = pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=0.1, rgbaColor=[1, 1, 1, 1])
     pybullet.createMultiBody(0.0, baseVisualShapeIndex=shape, basePosition=[0.1, -0.05, 1.2])
     renderer = RasterRenderer(RenderContext(client, floor=plain_floor(0.0)))
@@ -199,7 +190,7 @@ def test_the_floor_is_the_one_that_tiny_composites(client: int, xyz: list[float]
     assert difference.mean() < 0.6
 
 
-def test_the_floor_hides_what_lies_below_it(client: int, add_box: AddBox) -> None:
+def test_the_floor_hides_what_lies_below_it(client: int) -> None:
     add_box([0.4, 0.4, 0.1], SE3(p=np.array([0.0, 0.0, -0.1])))
     renderer = RasterRenderer(RenderContext(client))
     with_box = renderer.render(SMALL, X_OVERHEAD, SMALL.frame)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ import pybullet
 import pytest
 
 from msrr_bullet.render import RenderContext, build_renderer
-from msrr_bullet.render.floor import Floor
 from msrr_bullet.render.tiny_renderer import TinyRenderer, rotated_grid
 from msrr_bullet.simulation.tag_plates import plate_scale, write_plate
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
@@ -21,11 +19,10 @@ from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Choice
 from msrr_scenes.specs.tag_families import TAG36H11
+from tests.bullet.render.conftest import centroid, plain_floor
 
 CAMERA = PinholeCamera.from_hfov(640, 480, math.radians(75.0))
 R_DOWN = np.diag([1.0, -1.0, -1.0])  # image right is world x, image down is world -y
-
-PlainFloor = Callable[[float], Floor]
 
 
 @pytest.fixture
@@ -43,15 +40,9 @@ def unit(client: int, tmp_path: Path) -> Scene:
     return scene
 
 
-def centroid(polygon: np.ndarray) -> np.ndarray:
-    a, b = polygon, np.roll(polygon, -1, axis=0)
-    cross = a[:, 0] * b[:, 1] - b[:, 0] * a[:, 1]
-    return ((a + b) * cross[:, None]).sum(axis=0) / (3.0 * cross.sum())
-
-
 @pytest.mark.parametrize(("samples", "mean_px", "rms_px"), [(1, 0.012, 0.05), (2, 0.004, 0.012)])
 def test_pixels_lie_where_the_pinhole_model_says(
-    client: int, tmp_path: Path, samples: int, mean_px: float, rms_px: float, plain_floor: PlainFloor
+    client: int, tmp_path: Path, samples: int, mean_px: float, rms_px: float
 ) -> None:
     """The centroid of a bright plate against the exact one of its projection.
 
@@ -130,9 +121,7 @@ def test_the_light_of_an_earlier_picture_is_not_kept(client: int, unit: Scene) -
     np.testing.assert_array_equal(renderer.render(CAMERA, X_WC, CAMERA.frame), before)
 
 
-def test_a_unit_sees_nothing_of_itself_but_its_own_front(
-    client: int, unit: Scene, plain_floor: PlainFloor
-) -> None:
+def test_a_unit_sees_nothing_of_itself_but_its_own_front(client: int, unit: Scene) -> None:
     """The camera sits inside the mast's channel; only the front bar's upper edge reaches into its view."""
     camera = unit.cameras.onboard.pinhole
     X_UC = optical_pose(unit.geometry("a").frame("camera"))

@@ -40,7 +40,7 @@ from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
-SCENE = Scene.model_validate(
+pair = Scene.model_validate(
     {
         "name": "pair",
         "units": {
@@ -103,17 +103,17 @@ class HashRobot:
         return Action(now_ns, Phase.DOCK, 1, Twist(x, 1.0 - x))
 
 
-def record_trial(
+def record(
     path: Path, finish: bool = True, factory: Callable[[Scene, DockStep], ObservableRobot] = HashRobot
 ) -> None:
     """Record two steps of 1 s each, with a camera latency of 40 ms."""
     rng = np.random.default_rng(5)
-    recorder = McapRecorder(path / "trial.mcap", LogHeader.of(SCENE, 5, {}), flush_every_s=0.25)
+    recorder = McapRecorder(path / "trial.mcap", LogHeader.of(pair, 5, {}), flush_every_s=0.25)
     now = 0
-    for index, step in enumerate(SCENE.plan):
+    for index, step in enumerate(pair.plan):
         start = now = index * 1_000_000_000
         recorder.write(topics.STEPS, now, StepStart(now, index, step.unit))
-        robot = RecordedRobot(factory(SCENE, step), step.unit, recorder, lambda: now)  # noqa: B023 - the time of the loop
+        robot = RecordedRobot(factory(pair, step), step.unit, recorder, lambda: now)  # noqa: B023 - the time of the loop
         queue: list[tuple[int, Detections]] = []
         for tick in range(100):
             now = start + tick * 10_000_000
@@ -141,24 +141,8 @@ def record_trial(
 
 
 @pytest.fixture(scope="session")
-def pair() -> Scene:
-    """The scene of :func:`record`."""
-    return SCENE
-
-
-@pytest.fixture(scope="session")
-def hash_robot() -> type[HashRobot]:
-    return HashRobot
-
-
-@pytest.fixture(scope="session")
-def record() -> Callable[..., None]:
-    return record_trial
-
-
-@pytest.fixture(scope="session")
 def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run folder with the log of a trial of :class:`HashRobot`."""
     path = tmp_path_factory.mktemp("run")
-    record_trial(path)
+    record(path)
     return path

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +28,11 @@ from msrr_scenes.messages import (
     Twist,
     WheelOdometry,
 )
-from msrr_scenes.specs.scene import Scene
+from tests.bullet.replay.conftest import HashRobot, pair, record
 
 
-def test_the_recorded_robot_is_identical(recorded_run: Path, hash_robot: type) -> None:
-    report = replay(recorded_run, hash_robot)
+def test_the_recorded_robot_is_identical(recorded_run: Path) -> None:
+    report = replay(recorded_run, HashRobot)
     assert report.mismatches == ()
     assert report.identical
     assert (report.complete, report.judged) == (True, True)
@@ -96,32 +96,30 @@ def differing(robot: Any, what: str) -> Any:
     ],
 )
 def test_every_kind_of_difference_is_found_where_it_begins(
-    recorded_run: Path, hash_robot: type, what: str, reported: str
+    recorded_run: Path, what: str, reported: str
 ) -> None:
-    report = replay(recorded_run, differing(hash_robot, what))
+    report = replay(recorded_run, differing(HashRobot, what))
     assert not report.identical
     assert report.mismatches[0].what == reported
     assert 0.17 < report.mismatches[0].time_s < 0.33
     assert len(report.mismatches) <= 20
 
 
-def test_a_robot_with_an_unrecorded_input_differs(tmp_path: Path, record: Callable, hash_robot: Any) -> None:
+def test_a_robot_with_an_unrecorded_input_differs(tmp_path: Path) -> None:
     secret = iter(np.random.default_rng(0).normal(size=1_000))
 
-    class Informed(hash_robot):
+    class Informed(HashRobot):
         def step(self, now_ns: int) -> Action:
             self._state.update(f"{next(secret)}".encode())
             return super().step(now_ns)
 
     record(tmp_path, factory=Informed)
-    assert not replay(tmp_path, hash_robot).identical
+    assert not replay(tmp_path, HashRobot).identical
 
 
-def test_the_log_of_a_killed_trial_is_compared_to_its_end(
-    tmp_path: Path, recorded_run: Path, record: Callable, hash_robot: type
-) -> None:
+def test_the_log_of_a_killed_trial_is_compared_to_its_end(tmp_path: Path, recorded_run: Path) -> None:
     record(tmp_path, finish=False)
-    report = replay(tmp_path, hash_robot)
+    report = replay(tmp_path, HashRobot)
     assert not report.complete
     assert report.identical
     content = (recorded_run / "trial.mcap").read_bytes()
@@ -133,7 +131,7 @@ def test_the_log_of_a_killed_trial_is_compared_to_its_end(
     begun = first.chunk_start_offset + first.chunk_length
     for size in range(begun, len(content), (len(content) - begun) // 7):
         (tmp_path / "trial.mcap").write_bytes(content[:size])
-        report = replay(tmp_path, hash_robot)
+        report = replay(tmp_path, HashRobot)
         assert report.identical
         compared.add(report.commands)
     assert len(compared) > 2
@@ -141,7 +139,7 @@ def test_the_log_of_a_killed_trial_is_compared_to_its_end(
 
 @pytest.mark.parametrize("kind", [Exposure, CameraWindow, Detections, Action, PoseEstimate])
 def test_a_trial_that_was_ended_early_is_compared_to_its_end(
-    tmp_path: Path, recorded_run: Path, hash_robot: type, kind: type
+    tmp_path: Path, recorded_run: Path, kind: type
 ) -> None:
     """Ctrl-C ends a trial behind any message, and finishes the log nevertheless, but without a verdict."""
     log, seen = read_log(recorded_run), 0
@@ -151,48 +149,44 @@ def test_a_trial_that_was_ended_early_is_compared_to_its_end(
             seen += record.kind is kind
             if seen == 20:
                 break
-    report = replay(tmp_path, hash_robot)
+    report = replay(tmp_path, HashRobot)
     assert (report.complete, report.judged) == (True, False)
     assert report.mismatches == ()
     assert report.identical
 
 
-def test_a_log_without_a_decision_is_refused(tmp_path: Path, pair: Scene, hash_robot: type) -> None:
+def test_a_log_without_a_decision_is_refused(tmp_path: Path) -> None:
     with McapRecorder(tmp_path / "trial.mcap", LogHeader.of(pair, 0, {})):
         pass
     with pytest.raises(ReplayError, match="nothing to replay"):
-        replay(tmp_path, hash_robot)
+        replay(tmp_path, HashRobot)
     with McapRecorder(tmp_path / "trial.mcap", LogHeader.of(pair, 0, {})) as recorder:
         recorder.write(topics.STEPS, 0, StepStart(0, 0, "a"))  # and ended early
     with pytest.raises(ReplayError, match="nothing to replay, the log holds no decision"):
-        replay(tmp_path, hash_robot)
+        replay(tmp_path, HashRobot)
     with McapRecorder(tmp_path / "trial.mcap", LogHeader.of(pair, 0, {})) as recorder:
         recorder.write(topics.sensor("a", m := WheelOdometry("a", 0, 0.0, 0.0)), 0, m)
     with pytest.raises(ReplayError, match="before the first step"):
-        replay(tmp_path, hash_robot)
+        replay(tmp_path, HashRobot)
 
 
-def test_messages_that_are_missing_are_named(
-    recorded_run: Path, hash_robot: type, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_messages_that_are_missing_are_named(recorded_run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     read = Log.records
 
     def without_two(log: Log) -> Iterator[LogRecord]:
         return (record for record in read(log) if record.sequence not in (41, 42))
 
     monkeypatch.setattr(Log, "records", without_two)
-    report = replay(recorded_run, hash_robot)
+    report = replay(recorded_run, HashRobot)
     assert [m.logged for m in report.mismatches] == ["messages 41 to 42 are missing from the log"]
 
 
-def test_a_missing_log_is_refused(tmp_path: Path, hash_robot: type) -> None:
+def test_a_missing_log_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="cannot read the log"):
-        replay(tmp_path / "gone", hash_robot)
+        replay(tmp_path / "gone", HashRobot)
 
 
-def test_a_spoilt_urdf_of_a_log_is_told_by_the_name_of_the_log(
-    tmp_path: Path, pair: Scene, hash_robot: type
-) -> None:
+def test_a_spoilt_urdf_of_a_log_is_told_by_the_name_of_the_log(tmp_path: Path) -> None:
     """It was told by the path of a temporary file, which was gone by then."""
     header = LogHeader.of(pair, 0, {})
     cut = {name: content.replace(b"</robot>", b"") for name, content in header.files.items()}
@@ -202,7 +196,7 @@ def test_a_spoilt_urdf_of_a_log_is_told_by_the_name_of_the_log(
     told = "urdf/0/unit.urdf: not well-formed XML"
     of_units = rf"pair: units\.\w\.urdf and \d more units: {told}"
     with pytest.raises(LogError, match=rf"^{re.escape(str(path))}: {of_units}"):
-        replay(path, hash_robot)
+        replay(path, HashRobot)
     with (
         pytest.raises(LogError, match=rf"^{re.escape(str(path))}: {told}"),
         unpacked_log(path) as log,

@@ -13,6 +13,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Phase, seconds
 from msrr_scenes.random_streams import stream
+from tests.conftest import not_none
 
 DT = 0.02
 
@@ -87,8 +88,7 @@ def test_a_target_lost_in_an_earlier_attempt_was_not_kept(blind_loop: dict[str, 
     recorder = SeriesRecorder("a")
     Trial(scene, 0, recorder=recorder).run()
     way = [i for i in recorder.instants if i.action.phase is Phase.DOCK]
-    close = DockingSeries.of(recorder.instants, scene, None)
-    assert close is not None
+    close = not_none(DockingSeries.of(recorder.instants, scene, None))
     assert close.kept_within(scene.los.outer)
     again = [
         dataclasses.replace(i, action=dataclasses.replace(i.action, attempt=2))
@@ -96,11 +96,9 @@ def test_a_target_lost_in_an_earlier_attempt_was_not_kept(blind_loop: dict[str, 
         if i.action.stamp_ns >= way[3].action.stamp_ns
     ]
     turned = [dataclasses.replace(i, true={**i.true, "a": i.true["a"] @ SE2(0.0, 0.0, 0.5)}) for i in way[:3]]
-    both = DockingSeries.of([*turned, *again], scene, None)
-    assert both is not None
+    both = not_none(DockingSeries.of([*turned, *again], scene, None))
     assert len(both.time) == len(close.time) - 3
     assert not both.kept_within(scene.los.outer)
     # A contact in the first approach says nothing about where the second ends.
-    early = DockingSeries.of([*turned, *again], scene, seconds(turned[0].action.stamp_ns))
-    assert early is not None
+    early = not_none(DockingSeries.of([*turned, *again], scene, seconds(turned[0].action.stamp_ns)))
     assert len(early.time) == len(both.time)

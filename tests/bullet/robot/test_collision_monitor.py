@@ -35,6 +35,7 @@ from msrr_scenes.messages import (
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.control import GuardSpec
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import not_none
 
 SIGMA_M = 0.0003
 TIGHT = np.diag([SIGMA_M**2, SIGMA_M**2, 1e-7])
@@ -87,8 +88,7 @@ def drive(
             decision = monitor.limit(law(X.inverse() @ X_WO), known(now_ns, X, X_WO, X_WB), now_ns)
             states.append(decision.state)
             plant.command("a", decision.twist)
-            clearance = model.minimum({"a": X @ OFFSET, "b": X_WB, "thing": X_WO})
-            assert clearance is not None
+            clearance = not_none(model.minimum({"a": X @ OFFSET, "b": X_WB, "thing": X_WO}))
             nearest = min(nearest, clearance.distance)
         plant.step()
     return nearest, states, plant.pose("a")
@@ -161,8 +161,7 @@ def test_a_unit_on_a_slow_link_stops_as_far_away(rate_hz: float, latency_ms: flo
             if (arrived := link.arrived(now_ns)) is not None:
                 plant.command("a", arrived.twist)
             if plant.tick % 4 == 0:
-                clearance = model.minimum({"a": X @ OFFSET, "b": X_WB, "thing": X_WO})
-                assert clearance is not None
+                clearance = not_none(model.minimum({"a": X @ OFFSET, "b": X_WB, "thing": X_WO}))
                 nearest = min(nearest, clearance.distance)
             plant.step()
         assert nearest > scene.control.guard.stop_m - 5e-4
@@ -261,20 +260,6 @@ def test_the_target_may_be_touched_while_docking_and_nothing_else() -> None:
     assert monitor.limit(push, known(0, at_port, ahead), 0, docking=True).state is MonitorState.STOP
 
 
-def test_the_uncertainty_of_the_estimates_is_subtracted() -> None:
-    scene = arena()
-    X_WA = SE2(-0.06 - 0.118 - 0.08, 0.0, 0.0)
-    certain = CollisionMonitor(scene, "a", scene.docks[0]).limit(Twist(0.15), known(0, X_WA, SE2()), 0)
-    wide = np.diag([0.02**2, 0.02**2, 1e-6])
-    uncertain = CollisionMonitor(scene, "a", scene.docks[0]).limit(
-        Twist(0.15), known(0, X_WA, SE2(), covariance=wide), 0
-    )
-    assert certain.state is MonitorState.FREE
-    assert uncertain.state is not MonitorState.FREE
-    # Two bodies, two standard deviations.
-    assert certain.ahead - uncertain.ahead == pytest.approx(2.0 * math.hypot(0.02, 0.02), abs=0.002)
-
-
 def test_the_uncertainty_is_subtracted_for_a_command_that_leads_away_as_well() -> None:
     scene, X_WA = arena(), SE2(-0.06 - 0.118 - 0.05, 0.0, 0.0)
     ahead = []
@@ -327,11 +312,9 @@ def test_an_estimate_of_the_past_is_extrapolated() -> None:
     now_ns = 2_000_000_000
     X_WA = SE2(2.0 - 0.06 - 0.118 - 0.20, 0.0)
     late, prompt = (
-        monitor.limit(Twist(0.4), known(now_ns - age_ns, X_WA, X_WO), now_ns).clearance
+        not_none(monitor.limit(Twist(0.4), known(now_ns - age_ns, X_WA, X_WO), now_ns).clearance)
         for age_ns in (150_000_000, 0)
     )
-    assert late is not None
-    assert prompt is not None
     assert prompt.distance - late.distance == pytest.approx(0.06, abs=1e-3)
 
 
@@ -371,8 +354,7 @@ def test_a_unit_that_sees_rendered_images_stops_in_front_of_a_post(
         return decision.twist
 
     def watch() -> None:
-        nearest = model.minimum({"a": arena.plant.pose("a") @ OFFSET, "post": X_W_POST})
-        assert nearest is not None
+        nearest = not_none(model.minimum({"a": arena.plant.pose("a") @ OFFSET, "post": X_W_POST}))
         gaps.append(nearest.distance)
 
     arena.law = pursue

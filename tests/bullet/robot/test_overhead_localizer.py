@@ -24,6 +24,7 @@ from msrr_scenes.messages import (
     Twist,
     WheelOdometry,
 )
+from tests.conftest import not_none
 
 FULL = 1280 * 960
 POST = {"shape": "cylinder", "radius_m": 0.06, "height_m": 0.2, "tag_id": 500}
@@ -74,8 +75,7 @@ def test_a_drive_is_localised_from_few_pixels(open_arena: Callable) -> None:
     assert rms[2] < math.radians(0.15)
     # Consecutive errors are not independent, so this is a bound on overconfidence, not a chi-square test.
     assert np.mean(squares) < 3.0
-    known = arena.known
-    assert known is not None
+    known = not_none(arena.known)
     assert np.abs(error(known.target, arena.plant.pose("b"))[:2]).max() < 0.001
     assert np.abs(error(known.obstacles[0], SE2(0.1, 0.3))[:2]).max() < 0.001
 
@@ -129,8 +129,7 @@ def test_a_biased_localisation_loses_no_tag(open_arena: Callable) -> None:
     arena.run(4.0)
     assert all(0 in ids(look) for look in arena.looks)
     assert sum(p >= FULL for p in arena.pixels(arena.looks)) <= 6
-    known = arena.known
-    assert known is not None
+    known = not_none(arena.known)
     off = error(known.own, arena.plant.pose("a"))
     np.testing.assert_allclose(off[:2], [0.03, 0.0], atol=0.02)  # the odometry contradicts the yaw
     assert np.hypot(*error(known.target, arena.plant.pose("b"))[:2]) < 0.006
@@ -264,6 +263,5 @@ def test_checks_show_a_unit_that_drives_in_every_frame_until_it_is_seen_to_stand
     assert len(driving) == 9
     assert all(20 in found for found in driving)
     assert [found for t, found in docking.checks.items() if t > 2.9] == 2 * [[0, 10] if corrects else []]
-    known = arena.known
-    assert known is not None
+    known = not_none(arena.known)
     assert math.sqrt(known.others[0].covariance[2, 2]) < math.radians(0.5)

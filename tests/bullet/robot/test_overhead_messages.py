@@ -26,7 +26,7 @@ from msrr_scenes.messages import (
     WheelOdometry,
 )
 from msrr_scenes.specs.scene import Scene
-from tests.conftest import pose_error
+from tests.conftest import not_none, pose_error
 
 POSES = {"a": SE2(-0.5, 0.1, 0.3), "b": SE2(0.6, 0.0, -1.0), "c": SE2(0.0, 1.0, 2.0)}
 
@@ -80,8 +80,7 @@ def test_the_newest_exposure_is_told_whatever_the_order_of_arrival(localizer: Ov
 def test_what_a_base_station_has_read_is_as_good_as_a_first_message(localizer: OverheadLocalizer) -> None:
     localizer.see(SeenPoses(7, (SeenPose(_pose("a", 7), np.zeros((3, 3))),)))
     assert localizer.newest_ns == 7
-    arena = localizer.estimate(7, None)
-    assert arena is not None
+    arena = not_none(localizer.estimate(7, None))
     assert (arena.own.X_WB, arena.target, arena.others) == (POSES["a"], None, ())
 
 
@@ -98,8 +97,7 @@ def test_another_target_is_another_one_of_the_bodies_that_are_known(
     localizer.receive(_pose("c", 0))
     for aim, target, others in ((step, "b", ["c"]), (None, None, ["b", "c"])):
         localizer.aim(aim)
-        arena = localizer.estimate(1, None)
-        assert arena is not None
+        arena = not_none(localizer.estimate(1, None))
         assert (None if arena.target is None else arena.target.name) == target
         assert sorted(body.name for body in arena.others) == others
         assert (arena.own.name, arena.own.X_WB) == ("a", POSES["a"])
@@ -118,8 +116,7 @@ def test_tags_and_wheels_tell_where_a_unit_is(
     angle = 0.05 / scene.geometry("a").wheel_radius
     localizer.receive(WheelOdometry("a", 200_000_000, angle, angle))
     for now_ns, way in ((0, 0.0), (200_000_000, 0.05)):
-        arena = localizer.estimate(now_ns, None)
-        assert arena is not None
+        arena = not_none(localizer.estimate(now_ns, None))
         assert pose_error(arena.own.X_WB, POSES["a"] @ SE2(way)) == pytest.approx(np.zeros(3), abs=1e-3)
 
 
@@ -132,8 +129,7 @@ def test_a_unit_on_its_own_reckons_anew_where_its_target_stands_whenever_it_asks
         localizer.receive(_pose("a", 0))
         assert localizer.estimate(1, None) is None, "it has not seen its target"
         localizer.receive(_pose("b", 0))
-        arena = localizer.estimate(250_000_000, None)
-        assert arena is not None
+        arena = not_none(localizer.estimate(250_000_000, None))
         assert arena.target is not None
         assert arena.target.stamp_ns == told_ms * 1_000_000
 

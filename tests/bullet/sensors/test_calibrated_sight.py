@@ -30,6 +30,7 @@ from msrr_scenes.messages import Detections, Exposure, Fetch, TagDetection
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import not_none
 
 X_DU = SE2(-0.35, 0.03, -0.08)
 KNOWN = "{fx_px: 420, fy_px: 410, cx_px: 330, cy_px: 235, k1: -0.2, k2: 0.04, p1: 0.001}"
@@ -69,8 +70,7 @@ def test_behind_a_lens_that_it_is_told_the_robot_sees_the_truth() -> None:
     of = scene("perfect", "two_units", **known)
     assert_near(seen(OnboardSight(of, draw_as_built(of, 0), of.docks[0]), X_DU), X_DU, 1e-6, 1e-6)
     X_WA = SE2(-0.9, -0.8, 0.4)
-    from_above = OverheadSight(of, draw_as_built(of, 0)).see("a", X_WA)
-    assert from_above is not None
+    from_above = not_none(OverheadSight(of, draw_as_built(of, 0)).see("a", X_WA))
     assert_near(from_above, X_WA, 1e-6, 1e-6)
 
 
@@ -185,8 +185,7 @@ def test_rendered_images_tell_the_robot_the_same() -> None:
         with devices_of(of, seed, Placement({"b": X_WB, "a": X_WA}, {})) as (devices, built):
             devices.onboard(step, lambda: X_DU, NullProfiler()).capture(0, reader)
             expected = seen(OnboardSight(of, built, step), X_DU)
-        found = joint_pose(told, [tag for tag in reader.tags if tag.tag_id in told.port_tags])
-        assert found is not None
+        found = not_none(joint_pose(told, [tag for tag in reader.tags if tag.tag_id in told.port_tags]))
         assert_near(found.X_DU, expected, 2e-3, math.radians(0.4))
         off.append(math.hypot(expected.x - X_DU.x, expected.y - X_DU.y))
     assert max(off) > 4e-3
@@ -208,8 +207,7 @@ def test_rendered_images_from_above_tell_the_base_station_the_same() -> None:
         assert {pose.name for pose in located} == {"a", "b", "post"}
         for pose in located:
             true = {**poses, "post": post}[pose.name]
-            expected = overhead.see(pose.name, true)
-            assert expected is not None
+            expected = not_none(overhead.see(pose.name, true))
             assert_near(pose.X_WB, expected, 1e-3, math.radians(0.5))
             off.append(math.hypot(expected.x - true.x, expected.y - true.y))
     assert max(off) > 5e-3

@@ -228,13 +228,6 @@ def test_the_lost_frames_depend_on_seed_and_blackouts_alone() -> None:
     assert blacked[500:] == plain[500:]
 
 
-def test_lost_frames_are_numbered_too() -> None:
-    camera = small(ColumnRenderer(), dropout=0.5)
-    frames = [camera.expose(k) for k in range(50)]
-    assert [e.frame for e in frames if e] == [k for k, e in enumerate(frames) if e]
-    assert 0 < sum(e is None for e in frames) < 50
-
-
 def test_the_pose_is_taken_at_the_exposure(client: int, scene: Scene) -> None:
     """A window fetched after the camera has moved shows the view of the exposure."""
     poses = [onboard_pose(scene, 0.4), onboard_pose(scene, 0.3)]

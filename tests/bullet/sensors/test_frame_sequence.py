@@ -11,7 +11,6 @@ from msrr_bullet.sensors.sensor_suite import MountedCamera
 from msrr_scenes.as_built import BuiltCamera
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose, SensorMessage
-from msrr_scenes.specs.faults import CameraBlackout, Fault
 from msrr_scenes.specs.sensors import CameraSpec
 
 SPEC = CameraSpec(latency_ms=40.0, rate_hz=25.0)
@@ -29,9 +28,9 @@ def stamp(of: FrameSequence, now_ns: int) -> int:
     return exposure.stamp_ns
 
 
-def lost_frames(probability: float, faults: tuple[Fault, ...] = (), count: int = 2000) -> list[bool]:
+def lost_frames(probability: float, count: int = 2000) -> list[bool]:
     spec = CameraSpec(dropout=probability)
-    frames = FrameSequence("a/onboard", spec, BuiltCamera(spec.pinhole), 5, faults)
+    frames = FrameSequence("a/onboard", spec, BuiltCamera(spec.pinhole), 5)
     exposures = [frames.expose(k * PERIOD_NS) for k in range(count)]
     assert all(e is None or (e.frame, e.camera) == (k, "a/onboard") for k, e in enumerate(exposures))
     return [e is None for e in exposures]
@@ -95,15 +94,6 @@ def test_frames_arrive_in_order_however_late_they_are() -> None:
 def test_the_share_of_lost_frames_is_the_probability(probability: float) -> None:
     """2000 frames: at 30 % the interval of 5 standard errors is left once in 1.7 million seeds."""
     assert sum(lost_frames(probability)) == pytest.approx(2000 * probability, abs=103 * (0 < probability < 1))
-
-
-def test_a_blackout_loses_all_frames_of_its_camera_and_moves_no_other_loss() -> None:
-    dark = CameraBlackout(kind="camera_blackout", camera="a/onboard", from_s=10.0, to_s=20.0)
-    other = CameraBlackout(kind="camera_blackout", camera="overhead", from_s=30.0, to_s=40.0)
-    plain, black = lost_frames(0.3), lost_frames(0.3, (dark, other))
-    assert all(black[250:500])  # frames at 10 s up to just before 20 s
-    assert black[:250] == plain[:250]
-    assert black[500:] == plain[500:]
 
 
 def test_a_higher_probability_loses_the_frames_of_a_lower_one_and_more() -> None:

@@ -18,6 +18,7 @@ from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import GlobalPose
+from tests.conftest import not_none
 
 PERFECT = {"as_built": "perfect", "perception": "parametric"}
 PLACES = (SE2(-1.1, 0.8, 0.4), SE2(0.9, -0.7, -2.0), SE2(0.6, 0.1, 1.5))
@@ -41,8 +42,7 @@ def built(key: str, size: float) -> tuple[OverheadSight, OverheadModel]:
 
 def error_of(sight: OverheadSight, X_WB: SE2) -> np.ndarray:
     """Return what an error does to the pose of unit a."""
-    seen = sight.see("a", X_WB)
-    assert seen is not None
+    seen = not_none(sight.see("a", X_WB))
     error = seen.as_array() - X_WB.as_array()
     error[2] = math.remainder(error[2], 2.0 * math.pi)
     return error
@@ -50,9 +50,7 @@ def error_of(sight: OverheadSight, X_WB: SE2) -> np.ndarray:
 
 def errors_of(model: OverheadModel, X_WB: SE2) -> PoseErrors:
     """Return the covariances of the pose of unit a by the error as the tolerance."""
-    errors = model.errors_of(GlobalPose("a", 0, X_WB, np.eye(3)))
-    assert errors is not None
-    return errors
+    return not_none(model.errors_of(GlobalPose("a", 0, X_WB, np.eye(3))))
 
 
 def assert_is_square_of(covariance: np.ndarray, error: np.ndarray) -> None:
@@ -150,12 +148,10 @@ def test_a_unit_is_known_better_against_its_port_than_in_the_world() -> None:
         estimator.aim("b", X_TD)
         assert estimator.in_dock_frame(0) is None
         for name, X_WB in {"a": X_WT @ X_TD @ X_DU, "b": X_WT}.items():
-            seen = sight.see(name, X_WB)
-            assert seen is not None
+            seen = not_none(sight.see(name, X_WB))
             in_world.append(seen.y - X_WB.y)
             estimator.add_pose(GlobalPose(name, 0, seen, np.diag([1e-10, 1e-10, 1e-8])))
-        known = estimator.in_dock_frame(0)
-        assert known is not None
+        known = not_none(estimator.in_dock_frame(0))
         e = known.X_DU.as_array() - X_DU.as_array()
         squares += float(e @ np.linalg.solve(known.covariance, e))
         in_dock.append(e[1])

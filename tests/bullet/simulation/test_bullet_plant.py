@@ -13,9 +13,10 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.random_streams import stream
+from tests.bullet.conftest import bench, two_units
 
 
-def test_any_approach_within_the_tolerance_seats(bench):
+def test_any_approach_within_the_tolerance_seats():
     """Eight random approaches; in a larger sample 40 of 40 seated."""
     rng = stream(7, "approach")
     for _ in range(8):
@@ -26,7 +27,7 @@ def test_any_approach_within_the_tolerance_seats(bench):
             assert b.plant.switches("a") == (True, True), (port, lateral, yaw)
 
 
-def test_the_docked_unit_is_not_dragged_away(bench):
+def test_the_docked_unit_is_not_dragged_away():
     """A docking unit presses with full torque: from behind, where the target is weakest, and from a side."""
     for port in ("rear", "left"):
         with bench("bullet", SE2(-0.02, 0.0, 0.0), port) as b:
@@ -40,7 +41,7 @@ def test_the_docked_unit_is_not_dragged_away(bench):
             assert abs(pressed.yaw) < math.radians(0.1)
 
 
-def test_well_aligned_pins_touch_when_they_reach_the_switches(bench):
+def test_well_aligned_pins_touch_when_they_reach_the_switches():
     with bench("bullet", SE2(-0.03, 0.0, 0.0)) as b:
         while not b.plant.pins_touch("a"):
             b.drive(0.05, 0.02)
@@ -48,7 +49,7 @@ def test_well_aligned_pins_touch_when_they_reach_the_switches(bench):
         assert b.gap < 2e-3
 
 
-def test_a_unit_stops_at_an_obstacle(two_units):
+def test_a_unit_stops_at_an_obstacle():
     scene = two_units(obstacles={"post": {"shape": "cylinder", "radius_m": 0.05}})
     placement = Placement({"a": SE2(), "b": SE2(0.0, 2.0, 0.0)}, {"post": SE2(0.25, 0.0, 0.0)})
     with BulletWorld(scene, placement) as world:

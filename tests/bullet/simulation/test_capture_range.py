@@ -10,6 +10,7 @@ from msrr_scenes.geometry.pin_and_hole import PinAndHole
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.random_streams import stream
+from tests.bullet.conftest import bench
 
 #: ``b`` in the middle of three units, as keys of the scene.
 OF_THREE = {
@@ -28,7 +29,7 @@ def seats(bench, lateral_mm, yaw_deg, speed, port="rear", **keys):
 @pytest.mark.parametrize(
     ("beyond_mm", "side", "seated"), [(-0.5, 1, True), (-0.5, -1, True), (1.0, 1, False)]
 )
-def test_the_funnels_take_up_what_passes_the_mouths(bench, beyond_mm, side, seated):
+def test_the_funnels_take_up_what_passes_the_mouths(beyond_mm, side, seated):
     """By the drawing: the tip of a pin is 10 mm wide, the mouth of a hole 40 mm, and its edge 15 mm off."""
     unit = read_unit(find_urdf("unit.urdf"))
     mouth = PinAndHole.of(unit, "front", unit, "rear").mouth
@@ -36,12 +37,12 @@ def test_the_funnels_take_up_what_passes_the_mouths(bench, beyond_mm, side, seat
 
 
 @pytest.mark.parametrize(("lateral_mm", "yaw_deg"), [(2.0, -1.0), (-2.0, -1.0), (-1.0, 0.5)])
-def test_the_port_of_an_assembly_takes_up_two_millimetres(bench, lateral_mm, yaw_deg):
+def test_the_port_of_an_assembly_takes_up_two_millimetres(lateral_mm, yaw_deg):
     assert seats(bench, lateral_mm, yaw_deg, 0.05, **OF_THREE)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_an_assembly_does_not_give_way_as_a_unit_does(bench, side):
+def test_an_assembly_does_not_give_way_as_a_unit_does(side):
     """Pins that come in askew jam at the throat of its holes, and turn the unit towards the axis."""
     assert seats(bench, 4.6 * side, -1.7 * side, 0.05)
     with bench("bullet", SE2(-0.025, 4.6e-3 * side, math.radians(-1.7 * side)), **OF_THREE) as b:
@@ -51,7 +52,7 @@ def test_an_assembly_does_not_give_way_as_a_unit_does(bench, side):
         assert b.X_DP().yaw * side < math.radians(-1.0)
 
 
-def test_faces_that_are_pressed_together_touch_at_few_points(bench):
+def test_faces_that_are_pressed_together_touch_at_few_points():
     """At the rails of the front: at 4 points with each plate of the port, and at the corners beside them."""
     with bench("bullet", SE2(-0.01, 0.0005, 0.0)) as b:
         b.drive(0.05, 0.7)
@@ -69,14 +70,14 @@ def test_faces_that_are_pressed_together_touch_at_few_points(bench):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("speed", [0.05, 0.1])
-def test_the_edge_of_the_mouth_decides_which_pins_jam(bench, speed):
+def test_the_edge_of_the_mouth_decides_which_pins_jam(speed):
     """Parallel to the axis; a unit that comes in askew towards the axis is taken up from farther away."""
     assert all(seats(bench, 0.5 * half_mm, 0.0, speed) for half_mm in range(16, 30))
     assert not any(seats(bench, 0.5 * half_mm, 0.0, speed) for half_mm in range(32, 41))
 
 
 @pytest.mark.nightly
-def test_all_approaches_within_two_millimetres_seat_in_an_assembly(bench):
+def test_all_approaches_within_two_millimetres_seat_in_an_assembly():
     """And within 1 degree; of those within 6 mm and 2 degrees 23 of 40 do."""
     rng = stream(12, "capture range")
     for _ in range(40):
@@ -88,7 +89,7 @@ def test_all_approaches_within_two_millimetres_seat_in_an_assembly(bench):
 
 
 @pytest.mark.nightly
-def test_nearly_all_approaches_within_the_capture_range_seat(bench):
+def test_nearly_all_approaches_within_the_capture_range_seat():
     """Up to 14 mm and 8 degrees off 248 of 250 seat; of 60, more than four fail with odds of 2e-4."""
     rng = stream(11, "capture range")
     seated = 0

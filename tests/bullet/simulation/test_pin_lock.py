@@ -11,6 +11,7 @@ from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import LockPosition
 from msrr_scenes.random_streams import stream
+from tests.bullet.conftest import before_port, bench, two_units
 
 BEFORE = SE2(-0.025, 0.0, 0.0)
 #: A start pose from which the seated unit leans against the play of the pins.
@@ -18,7 +19,7 @@ ASKEW = SE2(-0.025, 0.005, math.radians(-3.0))
 
 
 @pytest.mark.parametrize(("gap_m", "holds"), [(0.0018, True), (0.0022, False)])
-def test_the_lock_catches_pins_within_its_reach(bench, gap_m, holds):
+def test_the_lock_catches_pins_within_its_reach(gap_m, holds):
     """A seated pin ends half a millimetre before the bottom of its hole; the lock reaches 2.5 mm."""
     with bench("bullet", SE2(-gap_m, 0.0, 0.0), lock={"close_time_s": 0.05}) as b:
         b.plant.set_lock("a", True)
@@ -28,7 +29,7 @@ def test_the_lock_catches_pins_within_its_reach(bench, gap_m, holds):
 
 
 @pytest.mark.parametrize(("yaw_deg", "switches"), [(2.0, (False, True)), (-2.0, (True, False))])
-def test_one_pin_in_reach_is_not_held(bench, yaw_deg, switches):
+def test_one_pin_in_reach_is_not_held(yaw_deg, switches):
     """The unit stands askew before its seat: one pin is deep enough for its switch, the other is not."""
     with bench("bullet", SE2(-0.0023, 0.0, math.radians(yaw_deg)), lock={"close_time_s": 0.05}) as b:
         b.plant.set_lock("a", True)
@@ -40,7 +41,7 @@ def test_one_pin_in_reach_is_not_held(bench, yaw_deg, switches):
 
 
 @pytest.mark.parametrize("port", ["rear", "left"])
-def test_the_bound_on_their_distance_hides_no_pin_in_reach(bench, port, monkeypatch):
+def test_the_bound_on_their_distance_hides_no_pin_in_reach(port, monkeypatch):
     """400 poses in and about the seat; what tilts make of them is left to the margin of the bound."""
     rng = stream(0, "test_pin_lock/bound")
     with bench("bullet", SE2(-0.0018, 0.0, 0.0), port) as b:
@@ -58,7 +59,7 @@ def test_the_bound_on_their_distance_hides_no_pin_in_reach(bench, port, monkeypa
     assert not all(near)
 
 
-def test_pins_that_leave_while_the_lock_closes_are_not_caught(bench):
+def test_pins_that_leave_while_the_lock_closes_are_not_caught():
     with bench("bullet", BEFORE) as b:
         b.drive(0.05, 2.0, until_seated=True)
         b.plant.set_lock("a", True)
@@ -67,7 +68,7 @@ def test_pins_that_leave_while_the_lock_closes_are_not_caught(bench):
         assert not b.plant.lock_engaged("a")
 
 
-def test_the_lock_holds_the_units_at_their_present_pose(bench):
+def test_the_lock_holds_the_units_at_their_present_pose():
     """Closing moves nothing: the constraint is built from the measured pose, and contact is disabled."""
     with bench("bullet", ASKEW) as b:
         b.drive(0.05, 2.0, until_seated=True)
@@ -84,7 +85,7 @@ def test_the_lock_holds_the_units_at_their_present_pose(bench):
     assert after.yaw == pytest.approx(before.yaw, abs=1e-3)
 
 
-def test_units_that_part_while_they_overlap_are_not_thrown(bench):
+def test_units_that_part_while_they_overlap_are_not_thrown():
     """Contact is restored only when the units no longer overlap."""
     with bench("bullet", BEFORE) as b:
         b.dock()
@@ -102,7 +103,7 @@ def test_units_that_part_while_they_overlap_are_not_thrown(bench):
         assert abs(b.gap) < 5e-4
 
 
-def test_the_pull_of_units_that_nothing_holds_ends_two_millimetres_apart(bench):
+def test_the_pull_of_units_that_nothing_holds_ends_two_millimetres_apart():
     """A pull that went on would throw the units apart; the tick in which it ends adds a fraction of that."""
     with bench("bullet", BEFORE) as b:
         b.drive(0.05, 2.0, until_seated=True)
@@ -111,7 +112,7 @@ def test_the_pull_of_units_that_nothing_holds_ends_two_millimetres_apart(bench):
         assert 0.002 <= b.gap - before < 0.004
 
 
-def test_a_pulled_pair_does_not_roll_down_a_slope(bench):
+def test_a_pulled_pair_does_not_roll_down_a_slope():
     """Free wheels would take it 2.4 m down the slope, by whatever else stands there."""
     floor = {"floor": {"slope_x_deg": 3.0, "slope_y_deg": -2.0}}
     with bench("bullet", BEFORE, lock={"pull_time_s": 10.0}, as_built=floor) as b:
@@ -128,7 +129,7 @@ def test_a_pulled_pair_does_not_roll_down_a_slope(bench):
         assert b.plant.twist("b").v != pytest.approx(0.0, abs=0.1)  # the floor slopes again
 
 
-def test_a_port_without_holes_cannot_be_docked_to(two_units, before_port):
+def test_a_port_without_holes_cannot_be_docked_to():
     scene = two_units("front")
     with BulletWorld(scene, before_port(scene, BEFORE)) as world:
         plant = BulletPlant(world)

@@ -9,10 +9,11 @@ from msrr_bullet.simulation.port_plug import PortPlug
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
+from tests.bullet.conftest import before_port, two_units
 
 
 @pytest.fixture
-def world(two_units, before_port):
+def world():
     scene = two_units()
     with BulletWorld(scene, before_port(scene, SE2(-0.5, 0.0, 0.0))) as world:
         yield world

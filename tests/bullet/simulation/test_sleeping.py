@@ -13,6 +13,7 @@ from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement
+from tests.bullet.conftest import bench, two_units
 
 BEFORE = SE2(-0.025, 0.0, 0.0)
 
@@ -33,7 +34,7 @@ def never_asleep(monkeypatch):
 
 
 @pytest.fixture
-def plant(two_units):
+def plant():
     """Unit a looks at the rear of b from 0.8 m."""
     placement = Placement({"a": SE2(-1.0, 0.0, 0.0), "b": SE2()}, {})
     with BulletWorld(two_units(), placement) as world:
@@ -67,7 +68,7 @@ def test_a_unit_wakes_before_another_one_reaches_it(plant):
     assert circles + 0.08 < distance < circles + 0.11
 
 
-def test_locked_units_sleep_and_wake_together(bench):
+def test_locked_units_sleep_and_wake_together():
     with bench("bullet", BEFORE) as b:
         b.dock()
         b.drive(0.0, 1.5)
@@ -85,7 +86,7 @@ def test_locked_units_sleep_and_wake_together(bench):
         assert b.gap > 0.05
 
 
-def test_a_pull_wakes_what_it_pulls_at(bench):
+def test_a_pull_wakes_what_it_pulls_at():
     """A sleeping pair would hold any pull."""
     with bench("bullet", BEFORE, lock={"strength_n": 5.0}) as b:
         b.dock()
@@ -95,7 +96,7 @@ def test_a_pull_wakes_what_it_pulls_at(bench):
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.1])
-def test_a_target_that_slept_is_pushed_as_one_that_was_awake(bench, never_asleep, speed):
+def test_a_target_that_slept_is_pushed_as_one_that_was_awake(never_asleep, speed):
     """The unit meets the funnel 6 mm and 4 deg off and pushes the target by 1.5 mm.
 
     A target that sleeps under the push ends 0.7 mm and 9 mrad off. Where the pins stick and slip for longer,
@@ -128,7 +129,7 @@ def test_a_sleeper_that_something_else_has_moved_is_roused_and_seen_where_it_is(
     assert asleep(plant) == {"a", "b"}
 
 
-def test_units_feel_no_difference_between_a_floor_that_sleeps_and_one_that_does_not(two_units):
+def test_units_feel_no_difference_between_a_floor_that_sleeps_and_one_that_does_not():
     """To the bit, while a unit drives past one that falls asleep on it."""
     ends = []
     for awake in (True, False):
@@ -149,7 +150,7 @@ def test_units_feel_no_difference_between_a_floor_that_sleeps_and_one_that_does_
     assert ends[0] == ends[1]
 
 
-def test_the_same_bits_twice(two_units):
+def test_the_same_bits_twice():
     def run():
         placement = Placement({"a": SE2(-1.0, 0.03, 0.05), "b": SE2()}, {})
         with BulletWorld(two_units(), placement) as world:

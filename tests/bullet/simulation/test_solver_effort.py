@@ -5,6 +5,7 @@ import pytest
 
 from msrr_bullet.simulation.solver_effort import CONTACT_ITERATIONS, FREE_ITERATIONS
 from msrr_scenes.geometry.se2 import SE2
+from tests.bullet.conftest import bench
 
 
 def iterations(world):
@@ -12,7 +13,7 @@ def iterations(world):
 
 
 @pytest.mark.parametrize("start", [SE2(-0.2, 0.004, 0.05), SE2(-0.2, 0.03, 0.0)])
-def test_units_touch_only_while_the_solver_expects_it(bench, start):
+def test_units_touch_only_while_the_solver_expects_it(start):
     with bench("bullet", start) as b:
         world = b.plant.world
         a, other = (world.unit(name).body for name in ("a", "b"))
@@ -28,7 +29,7 @@ def test_units_touch_only_while_the_solver_expects_it(bench, start):
         assert set(seen) == {FREE_ITERATIONS, CONTACT_ITERATIONS}
 
 
-def test_units_that_are_locked_together_cannot_touch_each_other(bench):
+def test_units_that_are_locked_together_cannot_touch_each_other():
     with bench("bullet", SE2(-0.01, 0.0, 0.0)) as b:
         b.dock()
         b.drive(0.0, 0.5)

@@ -11,13 +11,14 @@ import pybullet
 import pytest
 
 from msrr_bullet.simulation.unit_body import ROOT, load_unit
-from msrr_scenes.errors import GeometryError, UnknownNameError
+from msrr_scenes.errors import UnknownNameError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, read_unit
+from tests.bullet.conftest import two_units
 
 
 @pytest.fixture
-def geometry(two_units) -> UnitGeometry:
+def geometry() -> UnitGeometry:
     return two_units().geometry("a")
 
 
@@ -65,13 +66,6 @@ def test_a_welded_link_adds_its_mass_or_none_and_one_apart_would_get_a_kilogram(
     assert without_mast[0] < drawn_mass[0]
     assert without_mast[1] == drawn_mass[1]
     assert apart == [drawn_mass[0], 1.0]
-
-
-def test_a_file_that_is_no_urdf_is_refused(client: int, geometry: UnitGeometry, tmp_path: Path) -> None:
-    broken = tmp_path / "broken.urdf"
-    broken.write_text("no URDF")
-    with pytest.raises(GeometryError, match=r"unit\.urdf: PyBullet cannot load this URDF"):
-        load_unit(client, geometry, broken)
 
 
 def _as_loaded(client: int, geometry: UnitGeometry) -> list[object]:

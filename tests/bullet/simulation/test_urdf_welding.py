@@ -17,6 +17,7 @@ from msrr_scenes.geometry.unit_geometry import read_unit
 from msrr_scenes.geometry.urdf_tree import urdf_origin
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement
+from tests.bullet.conftest import two_units
 
 APART = Placement({"a": SE2(0.2, -0.1, 0.4), "b": SE2(1.5, 0.0, 0.0)}, {})
 
@@ -35,7 +36,7 @@ def driven(scene) -> np.ndarray:
     return np.array(rows)
 
 
-def test_a_welded_unit_moves_as_the_unwelded_one(two_units, monkeypatch) -> None:
+def test_a_welded_unit_moves_as_the_unwelded_one(monkeypatch) -> None:
     """The solver stops at a tolerance, so that the two are not equal bit for bit."""
     welded = driven(two_units())
     monkeypatch.setattr(msrr_bullet.simulation.unit_body, "weld", lambda tree, separate: None)
@@ -138,7 +139,7 @@ def test_mass_inertia_and_shapes_stay_where_they_are(seed: int) -> None:
             np.testing.assert_allclose(after[size].matrix(), X.matrix(), atol=1e-9)
 
 
-def test_links_whose_contacts_are_queried_are_not_merged(two_units) -> None:
+def test_links_whose_contacts_are_queried_are_not_merged() -> None:
     geometry = read_unit(two_units().geometry("a").urdf)
     tree = geometry.tree()
     weld(tree, geometry.pins)

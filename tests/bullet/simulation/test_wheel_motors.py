@@ -12,6 +12,7 @@ from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement
+from tests.bullet.conftest import two_units
 
 PLACEMENT = Placement({"a": SE2(0.2, 0.1, 0.7), "b": SE2(3.0, 3.0, 0.0)}, {})
 
@@ -19,7 +20,7 @@ PLACEMENT = Placement({"a": SE2(0.2, 0.1, 0.7), "b": SE2(3.0, 3.0, 0.0)}, {})
 @pytest.mark.parametrize(
     ("v", "w"), [(0.3, 0.0), (0.1, 0.0), (-0.2, 0.0), (0.0, 1.2), (0.0, -0.3), (0.2, 0.8), (0.3, -1.4)]
 )
-def test_a_unit_moves_as_its_kinematics_say(two_units, v, w):
+def test_a_unit_moves_as_its_kinematics_say(v, w):
     """Straight lines are straight, and the yaw rate is that of rolling wheels to 1 %."""
     scene = two_units()
     hz = int(scene.physics_hz)
@@ -42,7 +43,7 @@ def test_a_unit_moves_as_its_kinematics_say(two_units, v, w):
     assert (twist.v, twist.w) == pytest.approx((v, w), rel=0.01, abs=1e-3)
 
 
-def test_a_weak_motor_accelerates_slowly(two_units):
+def test_a_weak_motor_accelerates_slowly():
     """With 3 mN m on each wheel, 2 T / r accelerates about 2.8 kg by 0.065 m/s2."""
     weak = two_units(motors={"torque_nm": 0.003})
     with BulletWorld(weak, PLACEMENT) as world:
@@ -53,7 +54,7 @@ def test_a_weak_motor_accelerates_slowly(two_units):
         assert 0.04 < world.twist("a").v < 0.08
 
 
-def test_released_wheels_roll_and_held_wheels_do_not(two_units):
+def test_released_wheels_roll_and_held_wheels_do_not():
     scene = two_units()
     for release, moved in ((True, 0.05), (False, 0.0)):
         with BulletWorld(scene, PLACEMENT) as world:

@@ -11,11 +11,12 @@ from msrr_bullet.simulation.floor import GRAVITY_MPS2
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.checks.standing import standing_problems
-from msrr_scenes.errors import UnknownNameError
+from msrr_scenes.errors import GeometryError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import find_urdf
 from msrr_scenes.placement.placement import Placement
+from tests.bullet.conftest import two_units
 
 OBSTACLES = {
     "post": {"shape": "cylinder", "radius_m": 0.05, "height_m": 0.2},
@@ -28,7 +29,7 @@ PLACEMENT = Placement(
 
 
 @pytest.fixture
-def world(two_units):
+def world():
     with BulletWorld(two_units(obstacles=OBSTACLES), PLACEMENT) as world:
         yield world
 
@@ -120,7 +121,7 @@ def test_a_unit_stands_still_and_level(world):
     assert math.degrees(math.acos(min(after.R[2, 2], 1.0))) < 0.01
 
 
-def test_a_unit_that_does_not_stand_level_pitches_as_the_check_says(two_units, tmp_path):
+def test_a_unit_that_does_not_stand_level_pitches_as_the_check_says(tmp_path):
     """What the check of a robot computes from its drawing is what the physics does."""
     text = find_urdf("unit.urdf").read_text()
     ballast = (
@@ -177,7 +178,7 @@ def test_twist_is_that_of_the_axle(world):
     assert (twist.v, twist.w) == pytest.approx((w * r, w))
 
 
-def test_names_are_checked_and_the_client_is_closed(two_units):
+def test_names_are_checked_and_the_client_is_closed():
     with BulletWorld(two_units(), PLACEMENT) as world:
         client = world.client
         with pytest.raises(UnknownNameError, match="unknown unit 'c'"):
@@ -188,7 +189,7 @@ def test_names_are_checked_and_the_client_is_closed(two_units):
     world.close()  # a second call does nothing
 
 
-def test_the_client_is_closed_when_building_fails(two_units, tmp_path):
+def test_the_client_is_closed_when_building_fails(tmp_path):
     scene = two_units()
     broken = tmp_path / "broken.urdf"
     broken.write_text("no URDF")
@@ -198,6 +199,6 @@ def test_the_client_is_closed_when_building_fails(two_units, tmp_path):
             return broken
 
     open_before = sum(pybullet.isConnected(i) for i in range(64))
-    with pytest.raises(Exception, match="cannot load this URDF"):
+    with pytest.raises(GeometryError, match=r"unit\.urdf: PyBullet cannot load this URDF"):
         BulletWorld(scene, PLACEMENT, tags=BrokenTags(scene, tmp_path))
     assert sum(pybullet.isConnected(i) for i in range(64)) == open_before

@@ -8,13 +8,13 @@ import pytest
 
 from msrr_bullet.sweep.summary import SweepSummary
 from msrr_bullet.sweep.sweep import run_sweep
-from msrr_bullet.sweep.worker_pool import SupportsSubmit
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import AttemptRecord, Contact, PlanarPose, Seating, StepResult
 from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.conftest import inline
 
 
 @pytest.fixture(scope="session")
@@ -28,7 +28,7 @@ def short_trial() -> dict[str, str]:
     return {"plant": "unicycle", "perception": "parametric", "time_limit_s": "1"}
 
 
-def _made_up(scene: Scene, seed: int) -> TrialResult:
+def made_up(scene: Scene, seed: int) -> TrialResult:
     """Dock on the first attempt with even seeds and the second with odd ones; every tenth is a false dock."""
     false_dock = seed % 10 == 9
     outcome = Outcome.FALSE_DOCK if false_dock else Outcome.DOCKED
@@ -70,15 +70,7 @@ def _made_up(scene: Scene, seed: int) -> TrialResult:
     )
 
 
-@pytest.fixture(scope="session")
-def made_up() -> Callable[[Scene, int], TrialResult]:
-    """A trial that docks on the first attempt with even seeds, and is a false dock with every tenth seed."""
-    return _made_up
-
-
 @pytest.fixture
-def made_up_sweep(
-    scene: Scene, inline: SupportsSubmit, made_up: Callable[[Scene, int], TrialResult]
-) -> Callable[..., SweepSummary]:
+def made_up_sweep(scene: Scene) -> Callable[..., SweepSummary]:
     """A sweep of made-up trials in this process."""
     return partial(run_sweep, scene, executor=inline, trial=made_up)

@@ -12,12 +12,12 @@ from msrr_bullet.cli.app import run
 from msrr_bullet.sweep.comparison import ComparedFigure, SweepComparison, compare_sweeps
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_table import trials_csv
-from msrr_bullet.sweep.worker_pool import TrialFunction
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.errors import SceneError
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.sweep.conftest import made_up
 
 
 def _table(path: Path, outcomes: Iterable[TrialResult | TrialFailure]) -> Path:
@@ -42,7 +42,7 @@ def _figure(comparison: SweepComparison, name: str) -> ComparedFigure:
     return found
 
 
-def test_a_sweep_does_not_differ_from_itself(scene: Scene, made_up: TrialFunction, tmp_path: Path) -> None:
+def test_a_sweep_does_not_differ_from_itself(scene: Scene, tmp_path: Path) -> None:
     table = _table(tmp_path / "a.csv", [made_up(scene, seed) for seed in range(50)])
     found = compare_sweeps(table, table)
     assert (found.trials, found.only_first, found.only_second) == (50, 0, 0)
@@ -54,7 +54,7 @@ def test_a_sweep_does_not_differ_from_itself(scene: Scene, made_up: TrialFunctio
             assert (q.first, q.difference, q.interval) == (q.second, 0.0, (0.0, 0.0))
 
 
-def test_trials_are_paired_by_their_seeds(scene: Scene, made_up: TrialFunction, tmp_path: Path) -> None:
+def test_trials_are_paired_by_their_seeds(scene: Scene, tmp_path: Path) -> None:
     """Each trial is 2 mm worse, far less than trials differ; order and other seeds make no difference."""
     first = _table(tmp_path / "a.csv", [made_up(scene, seed) for seed in range(60)])
     second = _table(tmp_path / "b.csv", [_shifted(made_up(scene, seed), 2e-3) for seed in range(79, 9, -1)])
@@ -77,7 +77,7 @@ KEY = "parametric.sigma_xy_m"
 
 
 @pytest.fixture
-def varied(scene: Scene, made_up: TrialFunction, tmp_path: Path) -> Path:
+def varied(scene: Scene, tmp_path: Path) -> Path:
     """The table of a variation of three levels, of which the second is 2 mm worse than the first."""
     values = {digest * 32: {KEY: text} for digest, text in zip("abc", ("0.01", "0.020", "0.04"), strict=True)}
     outcomes = [
@@ -103,7 +103,7 @@ def test_two_levels_of_a_variation_are_compared(varied: Path, capsys: pytest.Cap
 
 
 def test_values_that_were_left_out_are_named(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    scene: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     levels = [("c1", "careful"), ("c1", "rough"), ("cbf", "careful")]
     values = {d * 32: {"control.docking": c, "as_built": g} for d, (c, g) in zip("abc", levels, strict=True)}
@@ -137,12 +137,7 @@ def test_levels_that_the_table_does_not_have_are_named(
 
 @pytest.mark.parametrize(("trials", "intervals"), [(1, 0), (5, 0), (6, 1), (39, 1), (40, 2)])
 def test_a_few_trials_do_not_tell_two_sweeps_apart(
-    scene: Scene,
-    made_up: TrialFunction,
-    tmp_path: Path,
-    trials: int,
-    intervals: int,
-    capsys: pytest.CaptureFixture[str],
+    scene: Scene, tmp_path: Path, trials: int, intervals: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The bootstrap of one trial has a single value, and that of a 95th percentile of ten is the largest."""
     seeds = [seed for seed in range(50) if seed % 10 != 9][:trials]
@@ -156,9 +151,7 @@ def test_a_few_trials_do_not_tell_two_sweeps_apart(
     assert ("too few trials" in " ".join(capsys.readouterr().out.split())) == (intervals < 2)
 
 
-def test_a_table_that_another_program_has_saved_is_read_the_same(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path
-) -> None:
+def test_a_table_that_another_program_has_saved_is_read_the_same(scene: Scene, tmp_path: Path) -> None:
     """Spreadsheets begin a file with a byte order mark; pandas writes 1.0 where a column has gaps."""
     (step,) = made_up(scene, 3).steps
     trial = made_up(scene, 2**62 + 1).model_copy(
@@ -173,9 +166,7 @@ def test_a_table_that_another_program_has_saved_is_read_the_same(
     assert compare_sweeps(saved, saved).trials == 2
 
 
-def test_successes_count_where_one_sweep_alone_has_them(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path
-) -> None:
+def test_successes_count_where_one_sweep_alone_has_them(scene: Scene, tmp_path: Path) -> None:
     """Two of 18 successes are lost, one as a trial without a result; McNemar's p of 2 to 0 is 2 / 4."""
     trials = [made_up(scene, seed) for seed in range(20)]
     worse: list[TrialResult | TrialFailure] = list(trials)
@@ -192,7 +183,7 @@ def test_successes_count_where_one_sweep_alone_has_them(
 
 
 def test_a_trial_of_several_steps_has_the_largest_of_their_errors_and_the_smallest_clearance(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path
+    scene: Scene, tmp_path: Path
 ) -> None:
     (first,), (second,), (left,) = (made_up(scene, seed).steps for seed in (3, 4, 8))
     steps = (
@@ -210,7 +201,7 @@ def test_a_trial_of_several_steps_has_the_largest_of_their_errors_and_the_smalle
 
 
 def test_the_command_prints_a_table_and_writes_numbers(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    scene: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     first = _table(tmp_path / "a.csv", [made_up(scene, seed) for seed in range(30)])
     second = _table(tmp_path / "b.csv", [_shifted(made_up(scene, seed), 2e-3) for seed in range(30)])
@@ -226,7 +217,7 @@ def test_the_command_prints_a_table_and_writes_numbers(
 
 
 def test_scenes_with_different_names_are_told(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    scene: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Variants of one scene have its name, and a table of an earlier version has none."""
     hard = load_scene("close_range_hard")
@@ -248,7 +239,7 @@ def test_scenes_with_different_names_are_told(
 
 
 def test_what_else_the_sweeps_do_not_share_is_told(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    scene: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Two tables of one scene may be of contact and of a model of it. Other workmanship is what is asked."""
     failure = TrialFailure(
@@ -299,7 +290,7 @@ def test_what_else_the_sweeps_do_not_share_is_told(
     ],
 )
 def test_a_file_that_is_no_table_of_trials_is_refused(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path, edit: object, message: str
+    scene: Scene, tmp_path: Path, edit: object, message: str
 ) -> None:
     assert callable(edit)
     first = _table(tmp_path / "a.csv", [made_up(scene, seed) for seed in range(2)])

@@ -18,10 +18,11 @@ from msrr_bullet.sweep.remote_trial import OtherCodeError
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.trials import run_trials
-from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes import load_scene
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.conftest import inline
+from tests.bullet.sweep.conftest import made_up
 
 LOOPBACK = ("--host", "127.0.0.1", "--no-dashboard")
 
@@ -90,9 +91,7 @@ def test_workers_of_several_threads_are_refused(tmp_path: Path) -> None:
             stack.enter_context(dask_cluster(address))
 
 
-def test_a_worker_with_other_code_ends_the_sweep(
-    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_with_other_code_ends_the_sweep(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("msrr_bullet.sweep.remote_trial.code_fingerprint", lambda scene, imported: "older")
     with pytest.raises(OtherCodeError, match="has another version of msrr-bullet"):
         run_sweep(scene, range(3), executor=inline, trial=made_up)

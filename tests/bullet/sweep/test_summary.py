@@ -4,14 +4,14 @@ import pytest
 
 from msrr_bullet.sweep.summarise import summarise
 from msrr_bullet.sweep.summary import TrialFailure
-from msrr_bullet.sweep.worker_pool import TrialFunction
 from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.sweep.conftest import made_up
 
 
-def test_the_numbers(scene: Scene, made_up: TrialFunction) -> None:
+def test_the_numbers(scene: Scene) -> None:
     summary = summarise(scene, "code", [made_up(scene, seed) for seed in range(20)])
     assert summary.trials == 20
     assert summary.outcomes == {"docked": 18, "false_dock": 2}
@@ -34,7 +34,7 @@ def test_the_numbers(scene: Scene, made_up: TrialFunction) -> None:
     assert not summary.interrupted
 
 
-def test_a_failure_of_the_program_counts_as_a_trial(scene: Scene, made_up: TrialFunction) -> None:
+def test_a_failure_of_the_program_counts_as_a_trial(scene: Scene) -> None:
     failures = [
         TrialFailure(scene=scene.name, scene_hash=scene_hash(scene), seed=seed, error="a") for seed in (7, 5)
     ]
@@ -45,7 +45,7 @@ def test_a_failure_of_the_program_counts_as_a_trial(scene: Scene, made_up: Trial
     assert (summary.reused, summary.interrupted) == (1, True)
 
 
-def test_a_step_counts_the_trials_that_began_it(scene: Scene, made_up: TrialFunction) -> None:
+def test_a_step_counts_the_trials_that_began_it(scene: Scene) -> None:
     """A plan of two steps: the second begins only in the trials whose first step docked."""
     plan = (scene.plan[0], DockStep(unit="c", to="b.left"))
     twice = scene.model_copy(update={"plan": plan})
@@ -67,14 +67,14 @@ def test_a_step_that_no_trial_began_has_no_figures(scene: Scene) -> None:
     assert (step.trials, step.outcomes, step.attempts.p50, step.min_clearance_m) == (0, {}, None, None)
 
 
-def test_a_false_dock_counts_whatever_the_trial_ended_with(scene: Scene, made_up: TrialFunction) -> None:
+def test_a_false_dock_counts_whatever_the_trial_ended_with(scene: Scene) -> None:
     (wrong,) = made_up(scene, 9).steps
     docked = made_up(scene, 0)
     mixed = docked.model_copy(update={"steps": (*docked.steps, wrong)})
     assert summarise(scene, "code", [docked, mixed]).false_docks == 1
 
 
-def test_docks_at_a_port_once_more(made_up: TrialFunction) -> None:
+def test_docks_at_a_port_once_more() -> None:
     """Only those count that follow a dock of the same unit at the same port, and none that failed."""
     scene = load_scene("dock_again")
     trials = []

@@ -20,17 +20,16 @@ from msrr_bullet.sweep.summary import SweepSummary, TrialFailure
 from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.trial_store import TrialStore
 from msrr_bullet.sweep.trials import one_trial, run_trials
-from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.errors import SceneError
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.conftest import inline
+from tests.bullet.sweep.conftest import made_up
 
 
-def test_a_second_sweep_runs_only_what_is_missing(
-    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
-) -> None:
+def test_a_second_sweep_runs_only_what_is_missing(scene: Scene, tmp_path: Path) -> None:
     store, ran = tmp_path / "deep" / "trials.sqlite", []
 
     def trial(scene: Scene, seed: int) -> TrialResult:
@@ -67,9 +66,7 @@ def test_a_trial_of_a_sweep_leaves_no_world_in_memory() -> None:
     assert not [thing for thing in left if id(thing) not in before]
 
 
-def test_a_trial_that_two_batches_ask_for_is_run_once(
-    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction
-) -> None:
+def test_a_trial_that_two_batches_ask_for_is_run_once(scene: Scene) -> None:
     ran: list[int] = []
 
     def trial(scene: Scene, seed: int) -> TrialResult:
@@ -81,9 +78,7 @@ def test_a_trial_that_two_batches_ask_for_is_run_once(
     assert len(finished.outcomes) == 3
 
 
-def test_a_seed_that_is_no_whole_number_is_refused_before_any_trial(
-    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction
-) -> None:
+def test_a_seed_that_is_no_whole_number_is_refused_before_any_trial(scene: Scene) -> None:
     ran: list[object] = []
     seeds: Any = [0, 0.5]  # as from a notebook, where no type is checked
     with pytest.raises(TypeError, match="integer"):
@@ -92,11 +87,7 @@ def test_a_seed_that_is_no_whole_number_is_refused_before_any_trial(
 
 
 def test_another_scene_or_other_code_is_not_taken_from_the_store(
-    scene: Scene,
-    inline: SupportsSubmit,
-    made_up: TrialFunction,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = tmp_path / "trials.sqlite"
     run_sweep(scene, range(3), store=store, executor=inline, trial=made_up)
@@ -108,9 +99,7 @@ def test_another_scene_or_other_code_is_not_taken_from_the_store(
     assert run_sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 0
 
 
-def test_a_program_that_failed_is_run_again(
-    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
-) -> None:
+def test_a_program_that_failed_is_run_again(scene: Scene, tmp_path: Path) -> None:
     """It may have failed for what is mended since and is no code, such as a file that it reads."""
     store = tmp_path / "trials.sqlite"
 
@@ -126,9 +115,7 @@ def test_a_program_that_failed_is_run_again(
     assert run_sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 3
 
 
-def test_many_scenes_share_one_pool_and_one_store(
-    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
-) -> None:
+def test_many_scenes_share_one_pool_and_one_store(scene: Scene, tmp_path: Path) -> None:
     other = load_scene("close_range", {"cameras.onboard.noise_grey": "9"})
     batches = [(scene, range(3)), (other, range(2)), (scene, range(1, 5))]
     store = tmp_path / "trials.sqlite"
@@ -146,9 +133,7 @@ def test_many_scenes_share_one_pool_and_one_store(
     assert (stored, again.outcomes) == ([True] * 7, first.outcomes)
 
 
-def test_an_interrupted_sweep_keeps_what_it_has(
-    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
-) -> None:
+def test_an_interrupted_sweep_keeps_what_it_has(scene: Scene, tmp_path: Path) -> None:
     store = tmp_path / "trials.sqlite"
     seen = 0
 
@@ -189,9 +174,7 @@ def test_ctrl_c_while_a_result_is_stored_does_not_lose_it(
     assert made_up_sweep(range(summary.trials), store=store).reused == summary.trials
 
 
-def test_a_failing_trial_is_named_and_tried_again_next_time(
-    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
-) -> None:
+def test_a_failing_trial_is_named_and_tried_again_next_time(scene: Scene, tmp_path: Path) -> None:
     store = tmp_path / "trials.sqlite"
 
     def fails_once(scene: Scene, seed: int) -> TrialResult:
@@ -212,7 +195,7 @@ def test_a_failing_trial_is_named_and_tried_again_next_time(
     assert (again.reused, again.failures) == (3, ())
 
 
-def test_a_scene_that_no_seed_can_run_stops_the_sweep(scene: Scene, inline: SupportsSubmit) -> None:
+def test_a_scene_that_no_seed_can_run_stops_the_sweep(scene: Scene) -> None:
     def misuse(scene: Scene, seed: int) -> TrialResult:
         raise SceneError("no such controller")
 

@@ -16,16 +16,15 @@ from msrr_bullet.run import run_trial
 from msrr_bullet.sweep.summary import SweepSummary
 from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.trial_store import StoreError, TrialStore
-from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_bullet.tolerance.study import run_study
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.conftest import inline
+from tests.bullet.sweep.conftest import made_up
 
 
-def test_results_are_found_by_scene_code_and_seed(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path
-) -> None:
+def test_results_are_found_by_scene_code_and_seed(scene: Scene, tmp_path: Path) -> None:
     results = {seed: made_up(scene, seed) for seed in range(3)}
     with TrialStore(tmp_path / "deep" / "trials.sqlite") as store:
         for result in results.values():
@@ -38,7 +37,7 @@ def test_results_are_found_by_scene_code_and_seed(
 
 
 def test_a_name_that_sqlite_gives_a_meaning_is_a_file_as_any_other(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     result = made_up(scene, 0)
@@ -49,11 +48,7 @@ def test_a_name_that_sqlite_gives_a_meaning_is_a_file_as_any_other(
 
 
 def test_a_store_that_may_only_be_read_is_read(
-    scene: Scene,
-    made_up: TrialFunction,
-    made_up_sweep: Callable[..., SweepSummary],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    scene: Scene, made_up_sweep: Callable[..., SweepSummary], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     result = made_up(scene, 0)
     with TrialStore(tmp_path / "trials.sqlite") as store:
@@ -87,9 +82,7 @@ def test_sweeps_that_begin_at_the_same_time_share_a_new_store(tmp_path: Path) ->
         assert list(threads.map(create, range(3))) == [None] * 3
 
 
-def test_a_result_of_another_processor_contradicts_none(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path
-) -> None:
+def test_a_result_of_another_processor_contradicts_none(scene: Scene, tmp_path: Path) -> None:
     """It rounds otherwise. What is in the store already is kept."""
     here = made_up(scene, 0)
     versions = {**here.versions, "processor": "z80"}
@@ -103,9 +96,7 @@ def test_a_result_of_another_processor_contradicts_none(
 
 
 @pytest.mark.parametrize("into_the_failed", [True, False])
-def test_a_failed_program_gives_way_to_a_result(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path, into_the_failed: bool
-) -> None:
+def test_a_failed_program_gives_way_to_a_result(scene: Scene, tmp_path: Path, into_the_failed: bool) -> None:
     """A sweep runs such a trial again; until then it barred the merge of its store for good."""
     good = made_up(scene, 0)
     failed = good.model_copy(update={"outcome": Outcome.PROGRAM_FAILED, "reason": "division by zero"})
@@ -120,11 +111,7 @@ def test_a_failed_program_gives_way_to_a_result(
 
 
 def test_stores_are_merged_and_a_contradiction_changes_nothing(
-    scene: Scene,
-    inline: SupportsSubmit,
-    made_up: TrialFunction,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    scene: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     whole, parts = tmp_path / "whole.sqlite", [tmp_path / "0.sqlite", tmp_path / "1.sqlite"]
     for part, seeds in zip(parts, (range(4), range(3, 6)), strict=True):
@@ -166,9 +153,7 @@ def test_stores_are_merged_and_a_contradiction_changes_nothing(
     assert rows() == before
 
 
-def test_a_file_that_is_no_store(
-    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
-) -> None:
+def test_a_file_that_is_no_store(scene: Scene, tmp_path: Path) -> None:
     text = tmp_path / "notes.txt"
     text.write_text("these are notes, long enough to be no database header at all\n" * 20)
     with pytest.raises(StoreError, match=r"notes\.txt"):
@@ -183,9 +168,7 @@ def test_a_file_that_is_no_store(
         run_sweep(scene, range(1), store=tmp_path, executor=inline, trial=made_up)
 
 
-def test_a_store_of_an_earlier_version_is_refused_and_left_as_it_is(
-    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
-) -> None:
+def test_a_store_of_an_earlier_version_is_refused_and_left_as_it_is(scene: Scene, tmp_path: Path) -> None:
     """Layout 1 held results without steps."""
     store = tmp_path / "trials.sqlite"
     run_sweep(scene, range(1), store=store, executor=inline, trial=made_up)
@@ -197,9 +180,7 @@ def test_a_store_of_an_earlier_version_is_refused_and_left_as_it_is(
         assert db.execute("PRAGMA user_version").fetchone() == (1,)
 
 
-def test_a_result_that_cannot_be_read_is_one_error(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path
-) -> None:
+def test_a_result_that_cannot_be_read_is_one_error(scene: Scene, tmp_path: Path) -> None:
     result = made_up(scene, 0)
     with TrialStore(tmp_path / "trials.sqlite") as store:
         store.put(result, "code")
@@ -219,9 +200,7 @@ def test_a_result_that_cannot_be_read_is_one_error(
         assert store.get(result.scene_hash, "code", [0]) == {}, "it would spoil every sweep with this store"
 
 
-def test_seeds_are_those_of_the_command_line(
-    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, tmp_path: Path
-) -> None:
+def test_seeds_are_those_of_the_command_line(scene: Scene, tmp_path: Path) -> None:
     store = str(tmp_path / "trials.sqlite")
     for seed in (-1, 2**63):
         with pytest.raises(ValueError, match=rf"a seed is a number from 0 to {2**63 - 1}, found {seed}"):
@@ -268,7 +247,7 @@ def test_the_store_of_a_study_that_is_something_else_is_named_with_the_option(tm
 
 
 def test_a_store_that_another_program_holds_is_named_with_the_mend(
-    scene: Scene, made_up: TrialFunction, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     connect = sqlite3.connect
     monkeypatch.setattr(sqlite3, "connect", lambda path, timeout: connect(path, timeout=0.01))
@@ -281,13 +260,7 @@ def test_a_store_that_another_program_holds_is_named_with_the_mend(
             store.put(made_up(scene, 0), "code")
 
 
-def test_a_full_disk_is_one_error(
-    scene: Scene,
-    inline: SupportsSubmit,
-    made_up: TrialFunction,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_full_disk_is_one_error(scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = tmp_path / "trials.sqlite"
     run_sweep(scene, range(1), store=store, executor=inline, trial=made_up)
     with sqlite3.connect(store) as db:

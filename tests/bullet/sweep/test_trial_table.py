@@ -4,18 +4,18 @@ import csv
 
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_table import TRIAL_COLUMNS, trials_csv
-from msrr_bullet.sweep.worker_pool import TrialFunction
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import AssemblyFigures, PlanarPose
 from msrr_scenes import scene_hash
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.sweep.conftest import made_up
 
 
 def _rows(*outcomes: TrialResult | TrialFailure) -> list[dict[str, str]]:
     return list(csv.DictReader(trials_csv(outcomes).splitlines(), strict=True))
 
 
-def test_every_step_has_a_row_with_the_bits_of_its_result(scene: Scene, made_up: TrialFunction) -> None:
+def test_every_step_has_a_row_with_the_bits_of_its_result(scene: Scene) -> None:
     result = made_up(scene, 3)
     (step,) = result.steps
     contact = step.contact
@@ -45,7 +45,7 @@ def test_every_step_has_a_row_with_the_bits_of_its_result(scene: Scene, made_up:
     assert (rows[1]["contact_estimate_error_y_m"], rows[1]["recovery_s"]) == ("", "")
 
 
-def test_a_trial_without_a_step_or_a_result_has_one_row(scene: Scene, made_up: TrialFunction) -> None:
+def test_a_trial_without_a_step_or_a_result_has_one_row(scene: Scene) -> None:
     empty = made_up(scene, 1).model_copy(update={"steps": ()})
     died, nothing = _rows(
         TrialFailure(scene=scene.name, scene_hash=scene_hash(scene), seed=7, error='died, "so it says"'),

@@ -14,15 +14,16 @@ from msrr_bullet.sweep import variation_plot
 from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.variation import MAX_LEVELS, Variation, levels, load_levels, run_variation
 from msrr_bullet.sweep.variation_plot import check_plot, plot_variation
-from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
 from msrr_scenes import load_scene
 from msrr_scenes.errors import MsrrError, SceneError
+from tests.bullet.conftest import inline
+from tests.bullet.sweep.conftest import made_up
 
 LATENCY, CONTROLLER = "cameras.onboard.latency_ms", "control.docking"
 
 
 @pytest.fixture(scope="module")
-def varied(inline: SupportsSubmit, made_up: TrialFunction) -> Variation:
+def varied() -> Variation:
     values = {LATENCY: [20, 60.0, "120"], CONTROLLER: ["c1", "linear"]}
     return run_variation("close_range", values, range(8), executor=inline, trial=made_up)
 
@@ -90,18 +91,14 @@ def test_levels_that_are_the_same_scene_and_keys_with_two_values_are_refused() -
         load_levels("close_range", levels({LATENCY: [20, 60]}), {LATENCY: 30})
 
 
-def test_the_summary_of_a_level_is_that_of_a_sweep_at_its_values(
-    varied: Variation, inline: SupportsSubmit, made_up: TrialFunction
-) -> None:
+def test_the_summary_of_a_level_is_that_of_a_sweep_at_its_values(varied: Variation) -> None:
     for level in varied.levels:
         alone = run_sweep(load_scene("close_range", level.values), range(8), executor=inline, trial=made_up)
         assert level.summary == alone
     assert Variation.model_validate_json(varied.to_json()) == varied
 
 
-def test_every_level_counts_what_it_has_from_the_store(
-    tmp_path: Path, inline: SupportsSubmit, made_up: TrialFunction
-) -> None:
+def test_every_level_counts_what_it_has_from_the_store(tmp_path: Path) -> None:
     store = tmp_path / "trials.sqlite"
     run_sweep(load_scene("close_range", {LATENCY: 20}), range(3), store=store, executor=inline, trial=made_up)
     found = run_variation(
@@ -110,9 +107,7 @@ def test_every_level_counts_what_it_has_from_the_store(
     assert [level.summary.reused for level in found.levels] == [3, 0]
 
 
-def test_the_table_has_a_row_for_every_level_and_every_step(
-    varied: Variation, inline: SupportsSubmit, made_up: TrialFunction
-) -> None:
+def test_the_table_has_a_row_for_every_level_and_every_step(varied: Variation) -> None:
     assert varied.title == f"close_range (bullet, images) at 6 combinations of {LATENCY} and {CONTROLLER}"
     assert varied.head()[:4] == ["latency_ms", "docking", "docked", "lateral error,\nmedian [mm]"]
     interval = "67.6 .. 100.0"
@@ -131,9 +126,7 @@ def test_the_table_has_a_row_for_every_level_and_every_step(
     assert f"8 of 8 ({interval})" in varied._repr_html_()
 
 
-def test_columns_of_keys_with_the_same_last_name_have_different_titles(
-    inline: SupportsSubmit, made_up: TrialFunction
-) -> None:
+def test_columns_of_keys_with_the_same_last_name_have_different_titles() -> None:
     keys = (LATENCY, "cameras.overhead.latency_ms", CONTROLLER)
     values = dict(zip(keys, ([20], [30], ["c1"]), strict=True))
     found = run_variation("three_units", values, [0], executor=inline, trial=made_up)
@@ -141,7 +134,7 @@ def test_columns_of_keys_with_the_same_last_name_have_different_titles(
 
 
 @pytest.fixture(scope="module")
-def plans(inline: SupportsSubmit, made_up: TrialFunction) -> Variation:
+def plans() -> Variation:
     """One docking step, two, and a mission."""
     choices = [
         {"plan": "[{unit: a, to: b.rear}]"},
@@ -169,7 +162,7 @@ def test_levels_may_have_different_steps(plans: Variation, drawn: list[Figure]) 
     assert [list(found) for found in known[:2]] == [[True, False, False], [False, True, False]]
 
 
-def test_the_title_names_what_differs_between_levels(inline: SupportsSubmit, made_up: TrialFunction) -> None:
+def test_the_title_names_what_differs_between_levels() -> None:
     values = {"plant": ["unicycle", "bullet"]}
     found = run_variation("close_range", values, [0], executor=inline, trial=made_up)
     assert found.title.startswith("close_range (unicycle and bullet, images) at 2 values")
@@ -219,12 +212,7 @@ def test_the_plot_shows_rate_and_errors_of_every_level(varied: Variation, drawn:
     ],
 )
 def test_the_axis_suits_the_values(
-    values: list[object],
-    scale: str,
-    ticks: list[str],
-    inline: SupportsSubmit,
-    made_up: TrialFunction,
-    drawn: list[Figure],
+    values: list[object], scale: str, ticks: list[str], drawn: list[Figure]
 ) -> None:
     key = "as_built" if isinstance(values[0], str) else LATENCY
     plot_variation(

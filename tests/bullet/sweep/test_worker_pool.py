@@ -14,13 +14,15 @@ import pytest
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.trials import one_trial
-from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction, TrialTask, WorkerPool
+from msrr_bullet.sweep.worker_pool import TrialTask, WorkerPool
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.conftest import inline
+from tests.bullet.sweep.conftest import made_up
 
 
-def test_every_seed_is_collected_once(scene: Scene, inline: SupportsSubmit, made_up: TrialFunction) -> None:
+def test_every_seed_is_collected_once(scene: Scene) -> None:
     collected: list[int] = []
     pool = WorkerPool(lambda: 2, inline, made_up, lambda task, outcome: collected.append(task.seed))
     pool.run(deque(TrialTask(scene, scene_hash(scene), seed) for seed in range(7)))
@@ -124,9 +126,7 @@ def test_a_trial_that_no_exception_stops_is_killed_with_its_process(
 
 
 @pytest.mark.parametrize("limit_s", [-1.0, float("nan"), "3"])
-def test_a_limit_that_is_none_is_refused_before_any_trial(
-    scene: Scene, inline: SupportsSubmit, made_up: TrialFunction, limit_s: float
-) -> None:
+def test_a_limit_that_is_none_is_refused_before_any_trial(scene: Scene, limit_s: float) -> None:
     with pytest.raises(ValueError, match="expected a limit above 0 s"):
         run_sweep(scene, range(3), executor=inline, trial=made_up, wall_limit_s=limit_s)
 

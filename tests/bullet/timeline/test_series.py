@@ -10,6 +10,7 @@ from msrr_bullet.timeline.log_snapshots import read_snapshots
 from msrr_bullet.timeline.series import TrialSeries
 from msrr_scenes.messages import Action, AssemblyProgress, Phase
 from msrr_scenes.specs.plan import DockStep
+from tests.bullet.conftest import with_step
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +50,7 @@ def test_the_gap_shrinks_by_the_driven_distance(series):
     assert gap[0] == pytest.approx(0.7, abs=0.1)
 
 
-def test_two_steps_of_a_plan_are_not_joined(short_log, short_snapshots, with_step):
+def test_two_steps_of_a_plan_are_not_joined(short_log, short_snapshots):
     scene = short_log.header.scene
     later = DockStep(unit="b", to="a.rear")
     half = len(short_snapshots) // 2

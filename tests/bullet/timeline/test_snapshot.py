@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from msrr_bullet.timeline.snapshot import planned_paths
+from tests.bullet.conftest import with_step
 
 
-def test_texts_name_phase_stage_and_progress(drive, short_snapshots, with_step):
+def test_texts_name_phase_stage_and_progress(drive, short_snapshots):
     late = (s for s in short_snapshots if s.stamp_ns >= 3_000_000_000)
     following = next(s for s in late if s.first.assembly and s.first.path)
     assert following.first.phase_text == f"assemble, {following.first.assembly.stage}"

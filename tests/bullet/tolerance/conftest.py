@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 import pytest
 
-from msrr_bullet.sweep.worker_pool import SupportsSubmit
 from msrr_bullet.tolerance.effects import Effect, effects_of, select_effects
 from msrr_bullet.tolerance.model import ToleranceStudy
 from msrr_bullet.tolerance.study import tolerance_study
@@ -18,6 +17,7 @@ from msrr_scenes.messages import Phase
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.conftest import inline
 
 
 class Law:
@@ -90,7 +90,7 @@ def law() -> Law:
 
 
 @pytest.fixture(scope="session")
-def study(law: Law, scene: Scene, effects: tuple[Effect, ...], inline: SupportsSubmit) -> ToleranceStudy:
+def study(law: Law, scene: Scene, effects: tuple[Effect, ...]) -> ToleranceStudy:
     """A study of the law, with the effects that it knows and one that it does not."""
     names = ["onboard.yaw_deg", "drive.radius_left_percent", "drive.track_percent"]
     return tolerance_study(

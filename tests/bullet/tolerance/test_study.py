@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from msrr_bullet.sweep.trials import one_trial
-from msrr_bullet.sweep.worker_pool import SupportsSubmit
 from msrr_bullet.tolerance.effects import Effect, select_effects
 from msrr_bullet.tolerance.error_budget import contributions, predicted
 from msrr_bullet.tolerance.model import EffectResult, ToleranceStudy
@@ -17,6 +16,7 @@ from msrr_bullet.tolerance.study import run_study, tolerance_study
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.conftest import inline
 
 
 def effect(study: ToleranceStudy, name: str) -> EffectResult:
@@ -88,7 +88,7 @@ def test_effects_that_use_up_the_same_limit_add_up(study: ToleranceStudy) -> Non
 
 
 def test_an_effect_that_forbids_docking_at_all_is_said_to(
-    scene: Scene, effects: tuple[Effect, ...], inline: SupportsSubmit, law: Any
+    scene: Scene, effects: tuple[Effect, ...], law: Any
 ) -> None:
     def never(scene: Scene, seed: int) -> TrialResult:
         docked = not scene.as_built.onboard.yaw_deg.error
@@ -111,7 +111,7 @@ def test_an_effect_that_forbids_docking_at_all_is_said_to(
 
 
 def test_an_interrupted_study_keeps_its_trials(
-    scene: Scene, effects: tuple[Effect, ...], inline: SupportsSubmit, law: Any, tmp_path: Path
+    scene: Scene, effects: tuple[Effect, ...], law: Any, tmp_path: Path
 ) -> None:
     progress: list[str] = []
 
@@ -143,7 +143,7 @@ def test_an_interrupted_study_keeps_its_trials(
 
 @pytest.mark.nightly
 def test_a_study_of_real_trials_resumes_from_its_store(
-    scene: Scene, effects: tuple[Effect, ...], inline: SupportsSubmit, tmp_path: Path
+    scene: Scene, effects: tuple[Effect, ...], tmp_path: Path
 ) -> None:
     """Without contact and pixels: two effects, and the second study runs no trial."""
     ran: list[int] = []

@@ -18,11 +18,12 @@ from msrr_scenes.messages import Twist
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.conftest import bench
 
 Load = Callable[..., Scene]
 
 
-def test_locked_pairs_hold_as_long_as_all_locks_hold(bench) -> None:
+def test_locked_pairs_hold_as_long_as_all_locks_hold() -> None:
     """A docked pair that is locked, and then opened."""
     with bench("unicycle", SE2(-0.02, 0.0, 0.0)) as b:
         locked = LockedPairs()

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,9 +24,9 @@ from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.conftest import bench
 
 PAIR = frozenset("ab")
-Bench = Callable[..., AbstractContextManager[Any]]
 
 
 @pytest.fixture(scope="module")
@@ -371,7 +369,7 @@ def test_docked_needs_the_seat_and_the_lock(scene: Scene) -> None:
     [(0.008, 0.05, Outcome.BLOCKED), (0.014, 0.7, Outcome.JAMMED), (0.008, 0.7, Outcome.NOT_SEATED)],
 )
 def test_a_unit_whose_pins_have_touched_the_port_was_not_blocked_on_its_way(
-    bench: Bench, y: float, drive_s: float, outcome: Outcome
+    y: float, drive_s: float, outcome: Outcome
 ) -> None:
     """Whatever the robot says of its way, how far the pins went in tells what came of the attempt."""
     with bench("bullet", SE2(-0.03, y, 0.0)) as b:
@@ -380,7 +378,7 @@ def test_a_unit_whose_pins_have_touched_the_port_was_not_blocked_on_its_way(
         assert judge.verdict_gave_up(FailureReason.BLOCKED, ever_detected=True).outcome is outcome
 
 
-def test_pins_with_more_play_are_in_line_farther_off(bench: Bench, tmp_path: Path) -> None:
+def test_pins_with_more_play_are_in_line_farther_off(tmp_path: Path) -> None:
     """Pins of 4 mm in throats of 16 mm, 5 mm beside the axis, stopped by a plug: nothing has jammed them."""
     thin = find_urdf("unit.urdf").read_text()
     for thick, slim in (

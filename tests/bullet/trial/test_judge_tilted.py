@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
@@ -22,8 +20,7 @@ from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.placement.placement import Placement
 from msrr_scenes.random_streams import stream
-
-OpenBench = Callable[..., AbstractContextManager[Any]]
+from tests.bullet.conftest import bench
 
 
 def put(world: BulletWorld, name: str, X_WU: SE3) -> None:
@@ -42,7 +39,7 @@ def judge_of(b: Any) -> Judge:
 
 
 @pytest.mark.parametrize("pitch_deg", [-2.0, 2.0])
-def test_a_tilted_pair_that_holds_its_pull_is_docked(bench: OpenBench, pitch_deg: float) -> None:
+def test_a_tilted_pair_that_holds_its_pull_is_docked(pitch_deg: float) -> None:
     """Its faces are 3 mm apart, or 3 mm into each other, at the floor; its pins are in the seat."""
     with bench("bullet", SE2(-0.001, 0.0, 0.0), port="left") as b:
         world, geometry = b.plant.world, b.scene.geometry("a")
@@ -68,7 +65,7 @@ def test_a_tilted_pair_that_holds_its_pull_is_docked(bench: OpenBench, pitch_deg
         assert judge.verdict_docked(engaged).outcome is Outcome.DOCKED
 
 
-def test_gap_and_offset_are_measured_at_the_pins_of_tilted_units(bench: OpenBench) -> None:
+def test_gap_and_offset_are_measured_at_the_pins_of_tilted_units() -> None:
     """Both units tilted in space at random: the pose of the pins against the holes is what was made."""
     rng = stream(0, "test_judge/tilted")
     with bench("bullet", SE2(-0.02, 0.0, 0.0)) as b:

@@ -26,6 +26,7 @@ from msrr_bullet.viewer.readings import READINGS, readings
 from msrr_scenes.messages import Action, Phase, PoseEstimate
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
+from tests.bullet.conftest import KeepingViewer
 
 Load = Callable[..., Scene]
 
@@ -42,16 +43,6 @@ class Watched:
 
     def of(self, kind: type) -> list:
         return [m for _, _, m in self.recorder.messages if isinstance(m, kind)]
-
-
-class KeepingViewer:
-    """A viewer that keeps the snapshots."""
-
-    def __init__(self) -> None:
-        self.snapshots: list[Snapshot] = []
-
-    def update(self, snapshot: Snapshot) -> None:
-        self.snapshots.append(snapshot)
 
 
 def watch(scene: Scene, seed: int) -> Watched:

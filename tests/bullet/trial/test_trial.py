@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msrr_bullet.log import CameraWindow, MemoryRecorder, StartPoses, StepStart
+from msrr_bullet.log import CameraWindow, MemoryRecorder
 from msrr_bullet.log.codec import to_bytes
 from msrr_bullet.log.formats import format_of
 from msrr_bullet.run import run_trial
@@ -96,14 +96,11 @@ def test_the_result_holds_belief_and_truth(docking: Docking) -> None:
     assert attempt.true.x_m == pytest.approx(-docking.scene.geometry("a").port("front").x, abs=0.003)
 
 
-@pytest.mark.parametrize(("plant", "perception"), [("bullet", "parametric"), ("unicycle", "images")])
-def test_plant_and_perception_are_independent_axes(plant: str, perception: str, shipped: Load) -> None:
-    """With both of `bullet` and `images`, and with neither, units dock in other tests of this file."""
-    result = run_trial(
-        shipped("weak_lock", {"plant": plant, "perception": perception, "lock.strength_n": "60"}), 2
-    )
+def test_plant_and_perception_are_independent_axes(shipped: Load) -> None:
+    """In their other combinations units dock in other tests of this file and of all outcomes."""
+    result = run_trial(shipped("weak_lock", {"plant": "unicycle", "lock.strength_n": "60"}), 2)
     assert result.outcome is Outcome.DOCKED, result.decisive_step.belief_reason
-    assert (result.plant, result.perception) == (plant, perception)
+    assert (result.plant, result.perception) == ("unicycle", "images")
 
 
 def test_kinematic_units_with_parametric_perception_dock_at_the_first_attempt(shipped: Load) -> None:
@@ -126,31 +123,6 @@ def test_wheels_do_not_slip_against_the_port(plant: str, shipped: Load) -> None:
     pressed = [w for ns, w in distance.items() if 5.2e9 < ns < 6.0e9]
     assert len(pressed) > 70
     assert max(pressed) - min(pressed) < 0.002
-
-
-def test_a_plan_of_two_steps_is_carried_out_in_order(shipped: Load, tmp_path: Path) -> None:
-    file = tmp_path / "two.yaml"
-    file.write_text(
-        """
-        description: Two units dock to a third one, one after the other.
-        units:
-          b: {number: 1, pose: {x_m: 0.4}}
-          a: {number: 0, pose: {frame: b.rear, x_m: -0.30}}
-          c: {number: 2, pose: {frame: b.left, x_m: -0.30}}
-        plan: [{unit: a, to: b.rear}, {unit: c, to: b.left}]
-        """
-    )
-    recorder = MemoryRecorder()
-    result = Trial(shipped(str(file), {"perception": "parametric"}), SEED, recorder=recorder).run()
-    assert result.outcome is Outcome.DOCKED, result.decisive_step.belief_reason
-    first, second = result.steps
-    assert [(s.index, s.unit, s.target) for s in (first, second)] == [(0, "a", "b.rear"), (1, "c", "b.left")]
-    assert [(len(s.attempts), s.phase) for s in (first, second)] == [(1, Phase.DONE)] * 2
-    assert 0.0 == first.started_s < first.ended_s == second.started_s < second.ended_s == result.duration_s
-    assert [(m.index, m.unit) for _, _, m in recorder.messages if isinstance(m, StepStart)] == [
-        (0, "a"),
-        (1, "c"),
-    ]
 
 
 def test_earlier_trials_in_the_process_change_nothing(shipped: Load) -> None:
@@ -200,18 +172,6 @@ def test_a_random_stream_that_is_switched_off_changes_no_other(shipped: Load) ->
     for frame, window in exposed(lossy).items():
         np.testing.assert_array_equal(window.pixels, exposed(noisy)[frame].pixels)
         assert (window.pixels != exposed(clean)[frame].pixels).mean() > 0.5
-
-
-def test_the_start_poses_of_a_unit_do_not_depend_on_other_bodies(shipped: Load) -> None:
-    def start(scene: Scene) -> StartPoses:
-        recorder = MemoryRecorder()
-        Trial(scene.model_copy(update={"time_limit_s": 0.01}), SEED, recorder=recorder).run()
-        return next(m for _, _, m in recorder.messages if isinstance(m, StartPoses))
-
-    alone = start(shipped("close_range", blind=True))
-    watched = start(shipped("bystander", blind=True))
-    assert alone.poses == {name: watched.poses[name] for name in ("a", "b")}
-    assert watched.poses.keys() == {"a", "b", "c", "post"}
 
 
 def test_a_trial_leaves_nothing_in_the_temporary_folder(

@@ -22,6 +22,7 @@ from msrr_bullet.viewer import page
 from msrr_bullet.viewer.replay_page import write_replay
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
+from tests.bullet.conftest import with_step
 
 #: Time of the page, and what stands in the parts that show it.
 SHOWN = """(() => {
@@ -269,7 +270,7 @@ def test_it_shows_units_tags_and_paths(browser, drive, tmp_path):
 
 
 @pytest.mark.nightly
-def test_a_trial_far_from_the_origin_is_in_view(browser, drive, tmp_path, with_step):
+def test_a_trial_far_from_the_origin_is_in_view(browser, drive, tmp_path):
     def moved(X):
         return SE2(X.x + 30.0, X.y - 20.0, X.yaw)
 

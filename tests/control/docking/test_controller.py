@@ -190,15 +190,6 @@ def test_bad_parameters_are_one_message(facts: DockSetup, params, message) -> No
     assert "errors.pydantic.dev" not in str(caught.value)
 
 
-def test_lost_or_missing_sight_is_no_measurement() -> None:
-    assert law_inputs(_inputs(status=LosStatus.LOST)).visibility == 0.0
-    assert 0.0 < law_inputs(_inputs(status=LosStatus.PREDICTED)).visibility < 1.0
-    blind = ControlInputs(0, 0.02, _inputs().pose, None)
-    assert law_inputs(blind).visibility == 0.0
-    nan = LosObservation(0, math.nan, math.nan, math.nan, LosStatus.SEEN)
-    assert law_inputs(ControlInputs(0, 0.02, _inputs().pose, nan)).visibility == 0.0
-
-
 def test_a_law_is_told_how_old_its_inputs_are() -> None:
     """Without delay compensation an estimate is of the last exposure, and is stamped with its time."""
     late = ControlInputs(120_000_000, 0.02, _inputs(now_ns=20_000_000).pose, None)

@@ -10,18 +10,6 @@ from msrr_control.kinematics.controlled_point import offset_point
 from msrr_control.kinematics.unicycle import advance_pose
 
 
-def test_on_the_axis_it_goes_straight(facts: DockSetup) -> None:
-    law = GracefulLaw(GracefulParams(), facts)
-    assert law.curvature(np.array([-0.6, 0.0, 0.0])) == pytest.approx(0.0)
-
-
-def test_beside_the_axis_it_turns_towards_it_and_off_heading_back(facts: DockSetup) -> None:
-    law = GracefulLaw(GracefulParams(), facts)
-    assert law.curvature(np.array([-0.6, 0.1, 0.0])) < 0.0
-    assert law.curvature(np.array([-0.6, 0.0, 0.3])) < 0.0
-    assert law.curvature(np.array([-0.6, 0.0, -0.3])) > 0.0
-
-
 def test_the_heading_falls_onto_the_curve_as_the_paper_designs_it(facts: DockSetup) -> None:
     """z = delta - atan(-k1 theta) obeys z' = -(v/r) k2 z for the motion of a unicycle, by differences."""
     params = GracefulParams()

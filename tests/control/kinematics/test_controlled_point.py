@@ -35,18 +35,6 @@ def test_the_velocity_is_the_derivative_of_the_point(v: float, w: float, yaw: fl
     np.testing.assert_allclose(point_velocity(np.array([v, w]), pose[2], offset), numeric, atol=1e-6)
 
 
-def test_batches_of_any_shape_equal_single_calls() -> None:
-    rng = np.random.default_rng(3)
-    poses, twists = rng.normal(size=(4, 5, 3)), rng.normal(size=(4, 5, 2))
-    points = offset_point(poses, 0.1)
-    velocities = point_velocity(twists, poses[..., 2], 0.1)
-    back = twist_for(velocities, poses[..., 2], 0.1)
-    for i, j in np.ndindex(4, 5):
-        np.testing.assert_allclose(points[i, j], offset_point(poses[i, j], 0.1))
-        np.testing.assert_allclose(velocities[i, j], point_velocity(twists[i, j], poses[i, j, 2], 0.1))
-    np.testing.assert_allclose(back, twists, atol=1e-12)
-
-
 def test_rotate_turns_counter_clockwise_and_broadcasts() -> None:
     quarter = np.array(np.pi / 2)
     np.testing.assert_allclose(rotate(np.array([1.0, 0.0]), quarter), [0.0, 1.0], atol=1e-15)

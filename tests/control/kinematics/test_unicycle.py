@@ -30,13 +30,6 @@ def test_an_arc_is_the_exponential_of_its_twist(length: float, turn: float, yaw:
     assert np.cos(moved[2] - expected.yaw) == pytest.approx(1.0)
 
 
-@given(LENGTHS, TURNS)
-def test_the_way_back_ends_at_the_start(length: float, turn: float) -> None:
-    start = np.array([0.3, -0.2, 0.7])
-    end = advance_pose(start, np.array(length), np.array(turn))
-    np.testing.assert_allclose(advance_pose(end, np.array(-length), np.array(-turn)), start, atol=1e-12)
-
-
 def test_many_poses_move_as_each_of_them() -> None:
     rng = np.random.default_rng(4)
     poses, lengths, turns = rng.normal(size=(3, 5, 3)), rng.normal(size=(3, 5)), rng.normal(size=(3, 5))

@@ -27,14 +27,6 @@ def test_the_spring_repels_everywhere_and_is_bounded(rho: float, angle: float) -
     assert not spring_force(here.centre[0] + rho * away, gone, gains).any()
 
 
-def test_a_closer_obstacle_pushes_harder() -> None:
-    here = Obstacles(np.zeros((1, 2)), np.array([True]))
-    forces = [
-        np.linalg.norm(spring_force(np.array([r, 0.0]), here, SpringGains())) for r in (0.6, 0.4, 0.25, 0.1)
-    ]
-    assert forces == sorted(forces)
-
-
 @given(st.floats(0.0, 2.0), st.floats(-np.pi, np.pi))
 def test_the_potential_pushes_straight_away_and_ends_at_its_range(distance: float, angle: float) -> None:
     gains = RepulsionGains()

@@ -12,6 +12,7 @@ from msrr_control.planning.route import ArenaMap, Route, RouteSpec
 from msrr_control.planning.route_planner import RoutePlanner
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import ObstacleEstimate
+from tests.conftest import not_none
 
 PLANNER = RoutePlanner(RouteSpec(), WallSpec(), PaceSpec(), (-2.0, 2.0, -1.5, 1.5), 0.1, 0.1)
 TARGET = SE2(1.2, 0.0, 0.0)
@@ -51,8 +52,7 @@ def _clearance(route: Route, arena: ArenaMap) -> float:
 
 def test_in_open_ground_it_is_one_circle_and_the_lead_in() -> None:
     arena = _arena(SE2(-1.2, 0.8, 0.0))
-    route = PLANNER.plan(arena)
-    assert route is not None
+    route = not_none(PLANNER.plan(arena))
     assert route.shape == "arc"
     assert route.final
     assert _ends_before_the_port(route, arena)
@@ -64,25 +64,21 @@ def test_in_open_ground_it_is_one_circle_and_the_lead_in() -> None:
 def test_from_next_to_the_axis_the_circle_ends_in_front_of_the_port_as_well(y: float) -> None:
     """A line along the axis in its place ended as far beside it as it began."""
     arena = _arena(SE2(-1.8, y, 0.0))
-    route = PLANNER.plan(arena)
-    assert route is not None
+    route = not_none(PLANNER.plan(arena))
     assert route.shape == "arc"
     assert _ends_before_the_port(route, arena)
 
 
 def test_an_obstacle_on_the_path_is_left_to_a_wall() -> None:
-    free = PLANNER.plan(_arena(SE2(-1.6, 0.3, 0.0)))
-    assert free is not None
+    free = not_none(PLANNER.plan(_arena(SE2(-1.6, 0.3, 0.0))))
     point = free.path.at(0.8)
     left = point.point + 0.02 * np.array([-math.sin(point.heading), math.cos(point.heading)])
-    route = PLANNER.plan(_arena(SE2(-1.6, 0.3, 0.0), _obstacle("o", *left)))
-    assert route is not None
+    route = not_none(PLANNER.plan(_arena(SE2(-1.6, 0.3, 0.0), _obstacle("o", *left))))
     assert (route.shape, dict(route.sides)) == ("arc", {"o": -1.0})
 
 
 def test_the_other_side_is_taken_where_the_nearer_one_is_shut() -> None:
-    free = PLANNER.plan(_arena(SE2(-1.6, 0.3, 0.0)))
-    assert free is not None
+    free = not_none(PLANNER.plan(_arena(SE2(-1.6, 0.3, 0.0))))
     point = free.path.at(0.8)
     normal = np.array([-math.sin(point.heading), math.cos(point.heading)])
     arena = _arena(
@@ -90,8 +86,7 @@ def test_the_other_side_is_taken_where_the_nearer_one_is_shut() -> None:
         _obstacle("o", *(point.point + 0.02 * normal)),
         _obstacle("p", *(point.point - 0.4 * normal)),
     )
-    route = PLANNER.plan(arena)
-    assert route is not None
+    route = not_none(PLANNER.plan(arena))
     assert dict(route.sides) == {"o": 1.0}
 
 
@@ -116,8 +111,7 @@ def test_a_unit_that_was_stopped_keeps_further_away() -> None:
     arena = _arena(SE2(-1.6, 0.1, 0.0), _obstacle("o", -0.6, 0.05))
     gaps = []
     for caution in (1, 2, 3):
-        route = PLANNER.plan(arena, caution)
-        assert route is not None
+        route = not_none(PLANNER.plan(arena, caution))
         assert not route.sides
         gaps.append(_clearance(route, arena))
     assert gaps == sorted(gaps)
@@ -126,8 +120,7 @@ def test_a_unit_that_was_stopped_keeps_further_away() -> None:
 
 def test_too_near_the_port_it_goes_away_and_turns_on_the_spot() -> None:
     arena = _arena(TARGET @ SE2(-0.7, 0.05, 0.1))
-    route = PLANNER.plan(arena)
-    assert route is not None
+    route = not_none(PLANNER.plan(arena))
     assert route.shape in ("staged", "around")
     assert _clearance(route, arena) > 0.1
 
@@ -162,13 +155,11 @@ def test_from_anywhere_routes_keep_clear_of_everything(seed: int) -> None:
 def test_where_it_turned_near_the_border_a_unit_may_stand_beside_the_axis(y: float) -> None:
     """The border leaves room for a short lead-in alone; stops and localisation err by centimetres."""
     planner = RoutePlanner(RouteSpec(), WallSpec(), PaceSpec(), (-0.05, 2.0, -1.5, 1.5), 0.1, 0.1)
-    staged = planner.plan(_arena(SE2(0.4, 1.2, -1.4)))
-    assert staged is not None
+    staged = not_none(planner.plan(_arena(SE2(0.4, 1.2, -1.4))))
     assert staged.shape == "staged"
     stop = staged.path.at(staged.path.length - 0.1)
     arena = _arena(SE2(float(stop.point[0]), y, float(stop.heading)))
-    route = planner.plan(arena)
-    assert route is not None
+    route = not_none(planner.plan(arena))
     assert route.final
     assert _ends_before_the_port(route, arena)
 
@@ -219,8 +210,7 @@ def test_the_body_that_trails_keeps_the_margin_as_well(offset: float) -> None:
     """On an arc the axle cuts the corner, the more the farther it is behind the controlled point."""
     planner = RoutePlanner(RouteSpec(), WallSpec(), PaceSpec(), (-3.0, 3.0, -2.0, 2.0), offset, 0.1)
     arena = _arena(SE2(-2.0, 0.05, 0.0), _obstacle("o", -1.0, 0.0))
-    route = planner.plan(arena, caution=1)
-    assert route is not None
+    route = not_none(planner.plan(arena, caution=1))
     assert route.shape == "around"
     stations, _ = route.path.sample(0.002)
     x, y, yaw = -2.0, 0.05, float(route.path.start[2])

@@ -6,23 +6,21 @@ import pytest
 from msrr_control.planning.free_space import Disc, FreeSpace
 from msrr_control.planning.tangents import Goal, shortest_path
 from msrr_scenes.geometry.se2 import wrap_angle
+from tests.conftest import not_none
 
 
 def test_the_shortest_path_around_a_disc_is_a_taut_string() -> None:
     space = FreeSpace((-5.0, 5.0, -5.0, 5.0), (Disc("d", 0.0, 0.0, 1.0),))
-    path = shortest_path(space, (-2.0, 0.0), Goal(2.0, 0.0))
-    assert path is not None
+    path = not_none(shortest_path(space, (-2.0, 0.0), Goal(2.0, 0.0)))
     assert float(path.length) == pytest.approx(2 * math.sqrt(3) + math.pi / 3, abs=1e-6)
-    straight = shortest_path(space, (-2.0, 1.5), Goal(2.0, 1.5))
-    assert straight is not None
+    straight = not_none(shortest_path(space, (-2.0, 1.5), Goal(2.0, 1.5)))
     assert float(straight.length) == pytest.approx(4.0)
 
 
 def test_a_path_arrives_with_the_heading_that_is_asked_for() -> None:
     space = FreeSpace((-5.0, 5.0, -5.0, 5.0), ())
     for heading in np.linspace(-3.0, 3.0, 7):
-        path = shortest_path(space, (-2.0, 0.5), Goal(1.0, 0.2, float(heading), 0.5))
-        assert path is not None
+        path = not_none(shortest_path(space, (-2.0, 0.5), Goal(1.0, 0.2, float(heading), 0.5)))
         end = path.at(path.length)
         np.testing.assert_allclose(end.point, [1.0, 0.2], atol=1e-9)
         assert wrap_angle(float(end.heading) - heading) == pytest.approx(0.0, abs=1e-9)
@@ -61,8 +59,7 @@ def test_no_path_follows_an_arc_through_another_disc(degrees: int) -> None:
     side = math.copysign(0.001, degrees)
     bump = Disc("bump", math.cos(angle), math.sin(angle), 0.04)
     space = FreeSpace((-5.0, 5.0, -5.0, 5.0), (Disc("d", 0.0, 0.0, 1.0), bump))
-    path = shortest_path(space, (-2.0, side), Goal(2.0, side))
-    assert path is not None
+    path = not_none(shortest_path(space, (-2.0, side), Goal(2.0, side)))
     away = math.hypot(2.0, side)
     arc = math.pi + 2.0 * math.atan2(0.001, 2.0) - 2.0 * math.acos(1.0 / away)
     assert float(path.length) == pytest.approx(2.0 * math.sqrt(away**2 - 1.0) + arc, abs=1e-6)
@@ -85,7 +82,6 @@ def test_in_the_open_the_last_arc_turns_to_the_side_that_makes_the_path_shorter(
             if angle <= 1.5 * math.pi:
                 lengths.append(math.sqrt(distance**2 - radius**2) + radius * angle)
         both += len(lengths) == 2
-        path = shortest_path(space, (0.0, 0.0), Goal(x, y, heading, radius))
-        assert path is not None
+        path = not_none(shortest_path(space, (0.0, 0.0), Goal(x, y, heading, radius)))
         assert float(path.length) == pytest.approx(min(lengths))
     assert both > 30

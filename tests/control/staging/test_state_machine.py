@@ -395,8 +395,7 @@ def test_a_unit_without_room_to_turn_drives_straight_first(side: float, along: f
     ("aside_m", "yaw_deg", "there"),
     [(0.0, 11.5, True), (0.0, 12.5, False), (0.0, 90.0, False), (0.049, 0.0, True), (0.051, 0.0, False)],
 )
-@pytest.mark.parametrize("gap_m", [0.7, 0.45, 0.6])
-@pytest.mark.parametrize("heading", [0.0, 1.0, math.pi])
+@pytest.mark.parametrize(("heading", "gap_m"), [(0.0, 0.7), (1.0, 0.45), (math.pi, 0.6)])
 def test_it_is_there_by_place_and_by_heading(
     heading: float, gap_m: float, side: float, aside_m: float, yaw_deg: float, there: bool
 ) -> None:

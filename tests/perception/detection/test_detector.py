@@ -1,9 +1,7 @@
 from __future__ import annotations
 
 import math
-import threading
 import weakref
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -33,27 +31,11 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Pixels, TagDetection
 from msrr_scenes.registry import build, resolve
 from msrr_scenes.specs.spec import Choice
-
-Draw = Callable[[SE2, Window], Pixels]
-Plate = Callable[[int], Pixels]
-Warp = Callable[..., Pixels]
-
-
-def test_corners_come_in_the_order_of_the_tag_and_count_from_pixel_centres(plate: Plate, warp: Warp) -> None:
-    """A 64 px square at known pixels, 20 times: half a pixel, a turn or a mirror would all show."""
-    rng, window, residuals = np.random.default_rng(0), Window(0, 0, 160, 160), []
-    for _ in range(20):
-        square = np.array([[48.0, 112.0], [112.0, 112.0], [112.0, 48.0], [48.0, 48.0]])
-        square += rng.uniform(0.0, 2.0, 2) + rng.normal(0.0, 1.0, (4, 2))
-        (found,) = PupilDetector().detect(warp(window, [(plate(7), square)]), window)
-        assert (found.tag_id, found.hamming) == (7, 0)
-        residuals.append(found.corners - square)
-    assert np.abs(np.mean(residuals, axis=(0, 1))).max() < 0.05
-    assert np.abs(residuals).max() < 0.4
+from tests.perception.conftest import draw, plate, project, warp
 
 
 @pytest.mark.nightly
-def test_corners_are_unbiased_over_many_views(target: TargetModel, draw: Draw, project: Callable) -> None:
+def test_corners_are_unbiased_over_many_views(target: TargetModel) -> None:
     """Mean signed residual below 0.05 px, RMS below 0.35 px, as for the rendered cameras."""
     rng = np.random.default_rng(1)
     detector, residuals = PupilDetector(), []
@@ -68,7 +50,7 @@ def test_corners_are_unbiased_over_many_views(target: TargetModel, draw: Draw, p
     assert np.sqrt((residual**2).mean(axis=0)).max() < 0.35
 
 
-def test_a_window_gives_full_frame_corners(target: TargetModel, draw: Draw) -> None:
+def test_a_window_gives_full_frame_corners(target: TargetModel) -> None:
     X, detector, frame = SE2(-0.5, 0.02, 0.05), PupilDetector(), target.camera.frame
     image = draw(X, frame)
     full = {t.tag_id: t.corners for t in detector.detect(image, frame)}
@@ -85,7 +67,7 @@ def test_a_window_gives_full_frame_corners(target: TargetModel, draw: Draw) -> N
     "noise_grey", [8.0, *(pytest.param(grey, marks=pytest.mark.nightly) for grey in (16.0, 33.0)), 45.0]
 )
 def test_a_detector_for_noise_finds_the_same_tags_with_the_same_corners(
-    target: TargetModel, draw: Draw, noise_grey: float
+    target: TargetModel, noise_grey: float
 ) -> None:
     frame, noise = target.camera.frame, np.random.default_rng(5)
     plain, noisy = PupilDetector(), for_noise(PupilDetector(), noise_grey)
@@ -120,15 +102,7 @@ def test_a_contrast_is_kept_that_is_given_or_beyond_the_noise() -> None:
     assert for_noise(quiet, 4.0) is quiet
 
 
-def test_detection_is_deterministic(target: TargetModel, draw: Draw) -> None:
-    frame = target.camera.frame
-    image = draw(SE2(-0.6, 0.0, 0.1), frame)
-    first, second = (PupilDetector().detect(image, frame) for _ in range(2))
-    assert [t.tag_id for t in first] == [t.tag_id for t in second]
-    assert all(np.array_equal(a.corners, b.corners) for a, b in zip(first, second, strict=True))
-
-
-def test_a_thread_has_one_native_detector_until_it_ends(draw: Draw, target: TargetModel) -> None:
+def test_a_thread_has_one_native_detector_until_it_ends(target: TargetModel) -> None:
     window = Window(200, 120, 240, 200)
     image = draw(SE2(-0.5, 0.0, 0.0), window)
     natives: list[weakref.ref[object]] = []
@@ -144,7 +118,7 @@ def test_a_thread_has_one_native_detector_until_it_ends(draw: Draw, target: Targ
     assert {native() for native in natives} == {None}
 
 
-def test_settings_reach_the_native_detector(plate: Plate, warp: Warp) -> None:
+def test_settings_reach_the_native_detector() -> None:
     window = Window(0, 0, 120, 120)
     square = np.array([[30.0, 90.0], [90.0, 90.0], [90.0, 30.0], [30.0, 30.0]])
     sharp = warp(window, [(plate(3), square)]).astype(float)
@@ -156,9 +130,7 @@ def test_settings_reach_the_native_detector(plate: Plate, warp: Warp) -> None:
 
 @pytest.mark.parametrize("decimate", [1.0, 2.0])
 @pytest.mark.parametrize("blur", [0.0, 0.8])
-def test_the_wrapper_would_say_the_same(
-    target: TargetModel, draw: Draw, decimate: float, blur: float
-) -> None:
+def test_the_wrapper_would_say_the_same(target: TargetModel, decimate: float, blur: float) -> None:
     """Bit for bit, on pixels that are left as they were."""
     frame = draw(SE2(-0.5, 0.02, 0.1), target.camera.frame)
     before = frame.copy()
@@ -174,9 +146,7 @@ def test_the_wrapper_would_say_the_same(
 
 
 @pytest.mark.parametrize("views", [12, pytest.param(40, marks=pytest.mark.nightly)])
-def test_less_resolution_gives_the_same_corners_of_large_tags(
-    target: TargetModel, draw: Draw, views: int
-) -> None:
+def test_less_resolution_gives_the_same_corners_of_large_tags(target: TargetModel, views: int) -> None:
     """Views with noise: no tag missed, corners a few hundredths of a pixel apart at most.
 
     A detector that misses one of ten tags passes 12 views of three large tags each in 2 % of all cases.
@@ -197,9 +167,7 @@ def test_less_resolution_gives_the_same_corners_of_large_tags(
                     np.testing.assert_allclose(found[tag.tag_id], tag.corners, atol=0.05)
 
 
-def test_turned_tags_are_found_at_less_resolution_when_they_are_just_large_enough(
-    plate: Callable[[int], Pixels], warp: Callable[..., Pixels]
-) -> None:
+def test_turned_tags_are_found_at_less_resolution_when_they_are_just_large_enough() -> None:
     """A detector that misses one in twenty of them passes 60 views in 5 % of all cases."""
     rng, (*by_size, _) = np.random.default_rng(5), detectors_by_size(PupilDetector())
     for least_px, detector in by_size:
@@ -217,9 +185,7 @@ def test_turned_tags_are_found_at_less_resolution_when_they_are_just_large_enoug
             np.testing.assert_allclose(found.corners, corners, atol=0.5)
 
 
-def test_the_search_finds_tags_of_every_size_at_any_angle_in_poor_light(
-    plate: Callable[[int], Pixels], warp: Callable[..., Pixels]
-) -> None:
+def test_the_search_finds_tags_of_every_size_at_any_angle_in_poor_light() -> None:
     """A detector that misses one in twenty of them passes 60 views in 5 % of all cases."""
     rng, frame = np.random.default_rng(6), Window(0, 0, 100, 80)
     square = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
@@ -244,7 +210,7 @@ def test_an_empty_or_tiny_window_holds_nothing() -> None:
     assert PupilDetector().detect(np.zeros((4, 40), np.uint8), Window(0, 0, 40, 4)) == ()
 
 
-def test_a_crop_that_is_not_contiguous_is_read_right(target: TargetModel, draw: Draw) -> None:
+def test_a_crop_that_is_not_contiguous_is_read_right(target: TargetModel) -> None:
     frame, window = target.camera.frame, Window(201, 123, 239, 197)
     image = draw(SE2(-0.5, 0.0, 0.0), frame)
     view = image[window.y : window.y_end, window.x : window.x_end]
@@ -280,13 +246,3 @@ def test_a_detector_is_named_in_the_scene() -> None:
     detector = build("detector", Choice(name="pupil", params={"quad_decimate": 2.0}), DETECTORS)
     assert isinstance(detector, PupilDetector)
     assert resolve("detector", "msrr_perception.detection.detector:PupilDetector", DETECTORS) is PupilDetector
-
-
-def test_a_second_thread_is_safe_when_it_takes_turns(draw: Draw) -> None:
-    window = Window(200, 120, 240, 200)
-    image = draw(SE2(-0.5, 0.0, 0.0), window)
-    counts: list[int] = []
-    worker = threading.Thread(target=lambda: counts.append(len(PupilDetector().detect(image, window))))
-    worker.start()
-    worker.join()
-    assert counts == [3]

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -11,13 +9,13 @@ from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, PoseEstimate, TagDetection
+from tests.perception.conftest import draw
 
-Draw = Callable[[SE2, Window], Pixels]
 TRUE = SE2(-0.5, 0.02, 0.05)
 
 
 @pytest.fixture
-def fetch(draw: Draw) -> Fetch:
+def fetch() -> Fetch:
     return lambda window: draw(TRUE, window)
 
 
@@ -73,7 +71,7 @@ def test_a_good_prediction_costs_a_window_and_gives_full_frame_corners(
 
 
 def test_a_slightly_wrong_prediction_is_mended_in_a_larger_window(
-    target: TargetModel, vision: OnboardVision, draw: Draw
+    target: TargetModel, vision: OnboardVision
 ) -> None:
     X = SE2(-0.2, 0.0, 0.0)
     wrong = _prediction(X @ SE2(0.0, 0.0, 0.08), 1e-4)  # 33 px
@@ -123,7 +121,7 @@ def test_looking_away_it_searches_now_and_then(target: TargetModel, fetch: Fetch
     assert looks == [5, 10, 15]
 
 
-def test_a_hidden_tag_is_left_alone_for_a_while(target: TargetModel, draw: Draw) -> None:
+def test_a_hidden_tag_is_left_alone_for_a_while(target: TargetModel) -> None:
     """The left tag is painted over; the others go on, and it is asked for again now and then."""
     X = SE2(-0.16, 0.0, 0.0)
     hidden = target.port_tags[0]
@@ -185,9 +183,7 @@ class Half:
 
 
 @pytest.mark.parametrize(("x", "large"), [(-0.3, True), (-0.9, False)])
-def test_large_tags_are_searched_at_half_the_resolution(
-    target: TargetModel, draw: Draw, x: float, large: bool
-) -> None:
+def test_large_tags_are_searched_at_half_the_resolution(target: TargetModel, x: float, large: bool) -> None:
     X, detector = SE2(x, 0.01, 0.0), Watched()
     vision = OnboardVision(target, detector)
     found = vision.detect(_exposure(1), _prediction(X, 1e-4), lambda window: draw(X, window))
@@ -198,7 +194,7 @@ def test_large_tags_are_searched_at_half_the_resolution(
 
 @pytest.mark.parametrize("frame", [1, 100])
 def test_a_tag_that_half_the_resolution_overlooks_is_found_in_the_same_pixels(
-    target: TargetModel, draw: Draw, frame: int
+    target: TargetModel, frame: int
 ) -> None:
     """In windows, and in the full frame that is read every 100 frames."""
     X, detector = SE2(-0.3, 0.01, 0.0), Watched(overlooked=target.port_tags[0])
@@ -214,7 +210,7 @@ def test_a_tag_that_half_the_resolution_overlooks_is_found_in_the_same_pixels(
     assert found.windows == tuple(fetched)
 
 
-def test_a_driver_may_take_the_next_picture_into_the_same_place(target: TargetModel, draw: Draw) -> None:
+def test_a_driver_may_take_the_next_picture_into_the_same_place(target: TargetModel) -> None:
     """Detectors must not write into a picture; whoever took it does, with the next one."""
     seen: list[Pixels] = []
 

@@ -25,6 +25,8 @@ from msrr_scenes.messages import Detections, PoseEstimate
 from msrr_scenes.placement.placement import draw_placement
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import not_none
+from tests.perception.conftest import project
 
 
 @dataclass
@@ -41,8 +43,7 @@ class Rig:
         """Expose at a pose; return what was read and where the unit really stood."""
         self.world.place("a", self.X_WD @ X_DU, (0.0, 0.0))
         self.frame += 1
-        exposure = self.camera.expose(self.frame)
-        assert exposure is not None
+        exposure = not_none(self.camera.expose(self.frame))
         prediction = guess and PoseEstimate(0, guess, np.diag([2e-3, 2e-3, 5e-3]) ** 2, 0)
         truth = self.X_WD.inverse() @ self.world.pose("a")
         return vision.detect(exposure, prediction, self.camera.fetch), truth
@@ -70,7 +71,7 @@ def _views(n: int) -> list[SE2]:
     return out
 
 
-def test_corners_poses_and_angles_agree_with_truth(rig: Rig, project: Callable) -> None:
+def test_corners_poses_and_angles_agree_with_truth(rig: Rig) -> None:
     """20 views from 0.8 m to 0.2 m, windows asked around a prediction that is a few millimetres off.
 
     Every view gives every tag of the port. Corners: mean residual below 0.05 px, RMS below 0.25 px. Lateral
@@ -90,8 +91,7 @@ def test_corners_poses_and_angles_agree_with_truth(rig: Rig, project: Callable) 
             measured_bearings(rig.target, found), edge_bearings(rig.target, truth), strict=True
         ):
             assert measured is None or abs(measured - exact) < math.radians(0.05)
-        pose = joint_pose(rig.target, found.tags)
-        assert pose is not None
+        pose = not_none(joint_pose(rig.target, found.tags))
         if len(seen) > 2:
             error = pose.X_DU.as_array() - truth.as_array()
             assert abs(error[1]) < min(0.01 * abs(X.x), 0.005)
@@ -110,8 +110,7 @@ def test_seated_the_lock_can_be_verified_by_sight(rig: Rig) -> None:
         found, truth = rig.detect(vision, X, X)
         tags |= {t.tag_id: t for t in found.tags}
     assert set(rig.target.port_tags) <= tags.keys()
-    pose = joint_pose(rig.target, list(tags.values()))
-    assert pose is not None
+    pose = not_none(joint_pose(rig.target, list(tags.values())))
     error = pose.X_DU.as_array() - truth.as_array()
     assert np.abs(error[:2]).max() < 5e-4
     assert abs(error[2]) < math.radians(0.2)

@@ -20,6 +20,7 @@ from msrr_scenes.messages import Pixels
 from msrr_scenes.registry import build
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Choice
+from tests.perception.conftest import plate, warp
 
 WINDOW = Window(0, 0, 160, 160)
 SQUARE = np.array([[48.0, 112.0], [112.0, 112.0], [112.0, 48.0], [48.0, 48.0]])
@@ -28,6 +29,7 @@ SQUARE = np.array([[48.0, 112.0], [112.0, 112.0], [112.0, 48.0], [48.0, 48.0]])
 @pytest.mark.parametrize(
     ("name", "params", "rms_px"),
     [
+        ("pupil", {}, 0.02),
         ("pupil", {"refine": False}, 0.12),
         ("aruco", {}, 0.25),
         ("aruco", {"corner_refinement": "apriltag"}, 0.3),
@@ -37,7 +39,7 @@ SQUARE = np.array([[48.0, 112.0], [112.0, 112.0], [112.0, 48.0], [48.0, 48.0]])
     ],
 )
 def test_corners_come_in_the_order_of_the_tag_and_count_from_pixel_centres(
-    name: str, params: dict, rms_px: float, plate: Callable[..., Pixels], warp: Callable[..., Pixels]
+    name: str, params: dict, rms_px: float
 ) -> None:
     """A tag of 64 px at known pixels, 20 times: half a pixel, a turn or a mirror would all show."""
     detector: Detector = build("detector", Choice(name=name, params=params), DETECTORS)
@@ -56,9 +58,7 @@ def test_corners_come_in_the_order_of_the_tag_and_count_from_pixel_centres(
     assert np.sqrt(np.mean(np.square(normalised))) < 1.1, "they are less precise than the detector says"
 
 
-def test_the_detector_that_a_page_writes_has_the_order_of_corners_that_it_names(
-    plate: Callable[..., Pixels], warp: Callable[..., Pixels]
-) -> None:
+def test_the_detector_that_a_page_writes_has_the_order_of_corners_that_it_names() -> None:
     """A reader who kept OpenCV's order got no pose, and was not told why."""
     page = Path(__file__).resolve().parents[3] / "docs" / "reference" / "extension_points.md"
     (text,) = re.findall(r"```python\n(import cv2\n.*?)```", page.read_text(), re.DOTALL)
@@ -72,7 +72,7 @@ def test_the_detector_that_a_page_writes_has_the_order_of_corners_that_it_names(
     assert found.corner_sigma_px is not None
 
 
-def damaged(plate: Callable[..., Pixels], bits: int) -> Pixels:
+def damaged(bits: int) -> Pixels:
     """Return the print of tag 7 with some wrong modules."""
     out = plate(7).copy()
     for k in range(bits):
@@ -82,18 +82,16 @@ def damaged(plate: Callable[..., Pixels], bits: int) -> Pixels:
 
 
 @pytest.mark.parametrize("detector", [PupilDetector, ArucoDetector])
-def test_wrong_bits_are_counted_and_bounded(
-    detector: Callable[..., Detector], plate: Callable[..., Pixels], warp: Callable[..., Pixels]
-) -> None:
+def test_wrong_bits_are_counted_and_bounded(detector: Callable[..., Detector]) -> None:
     for bits, kept in ((0, True), (1, True), (2, False)):
-        image = warp(WINDOW, [(damaged(plate, bits), SQUARE)])
+        image = warp(WINDOW, [(damaged(bits), SQUARE)])
         found = detector().detect(image, WINDOW)
         assert [(t.tag_id, t.hamming) for t in found] == ([(7, bits)] if kept else [])
     assert len(detector(max_hamming=2).detect(image, WINDOW)) == 1
 
 
 @pytest.mark.parametrize("family", ["tag16h5", "tag25h9"])
-def test_opencv_reads_the_families_that_it_knows(family: str, warp: Callable[..., Pixels]) -> None:
+def test_opencv_reads_the_families_that_it_knows(family: str) -> None:
     """The prints of the AprilTag library are the same tags, turned the same way, in OpenCV's dictionaries."""
     bits = tag_bitmap(family, 5).astype(np.uint8) * 255
     n, edge = len(bits), 8 * (len(bits) - 2)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import cv2
 import numpy as np
 import pytest
@@ -16,7 +14,7 @@ from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Pixels
-from tests.perception.conftest import Draw
+from tests.perception.conftest import draw, project
 
 #: Blur [px] and noise [grey levels] of cameras of the grades ``workshop`` and ``rough``, and of two others.
 CAMERAS = [(1.13, 8.0), (1.6, 16.0), (1.0, 2.0), (2.5, 2.0)]
@@ -46,7 +44,7 @@ def test_the_filter_keeps_the_brightness_and_has_the_symmetry_of_the_blur(
 
 @pytest.mark.parametrize(("blur_px", "noise_grey"), CAMERAS)
 def test_what_is_restored_is_nearer_to_what_the_lens_has_blurred(
-    target: TargetModel, draw: Draw, blur_px: float, noise_grey: float
+    target: TargetModel, blur_px: float, noise_grey: float
 ) -> None:
     """By the mean square of all pixels of tags, noise included."""
     frame, rng, by = target.camera.frame, np.random.default_rng(2), restoring_filter(blur_px, noise_grey)
@@ -71,13 +69,7 @@ def test_what_is_restored_is_nearer_to_what_the_lens_has_blurred(
     ],
 )
 def test_twice_as_many_tags_are_read_and_their_corners_are_measured_as_before(
-    target: TargetModel,
-    draw: Draw,
-    project: Callable[..., tuple[np.ndarray, np.ndarray]],
-    plain: RefiningDetector,
-    blur_px: float,
-    noise_grey: float,
-    least_m: float,
+    target: TargetModel, plain: RefiningDetector, blur_px: float, noise_grey: float, least_m: float
 ) -> None:
     """In 24 views of three tags from where some can no longer be read without the filter; none is wrong."""
     middle, rng = Window(160, 120, 320, 240), np.random.default_rng(3)

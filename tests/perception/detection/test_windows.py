@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import cv2
@@ -22,6 +21,7 @@ from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.pinhole import PinholeCamera, Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import PoseEstimate
+from tests.perception.conftest import project
 
 
 def _prediction(X: SE2, sigma: tuple[float, float, float] = (0.001, 0.001, 0.002)) -> PoseEstimate:
@@ -43,7 +43,7 @@ def _random(seed: int, n: int) -> list[tuple[SE2, tuple[float, float, float]]]:
     return out
 
 
-def test_windows_hold_every_corner_of_the_tags_they_are_for(target: TargetModel, project: Callable) -> None:
+def test_windows_hold_every_corner_of_the_tags_they_are_for(target: TargetModel) -> None:
     """400 predictions that are wrong by a draw from their own covariance.
 
     A corner leaves its window when it strays by 4 sigma and more than 6 px besides: odds below 1e-4 a corner
@@ -156,7 +156,7 @@ def test_a_pose_is_known_when_all_of_it_is() -> None:
 
 @pytest.mark.parametrize("coefficients", [{"k1": -0.2, "k2": 0.04, "p1": 0.002}, {"k1": 0.2, "k2": -0.03}])
 def test_behind_a_lens_tags_are_expected_where_the_frame_shows_them(
-    target: TargetModel, project: Callable, coefficients: dict[str, float]
+    target: TargetModel, coefficients: dict[str, float]
 ) -> None:
     """Of 400 poses, also askew: the tags that are in the frame as a whole, at their pixels, and no others."""
     camera = PinholeCamera(640, 480, 417.0, (12.0, -7.0))

@@ -12,11 +12,6 @@ from msrr_perception.pose.target import TargetModel
 from msrr_scenes.specs.scene import Scene
 
 
-@pytest.fixture(scope="module")
-def careful(scene: Scene) -> Scene:
-    return Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": "careful"})
-
-
 def test_tolerances_are_those_of_the_scene_and_errors_are_told_by_them(careful: Scene) -> None:
     target = TargetModel.from_scene(careful.told(), careful.docks[0])
     layout, prior = target.filter_layout, CornerEkf(target, careful.odometry).prior

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-import pytest
 
 from msrr_perception.estimation.calibration_memory import CalibrationMemory
 from msrr_perception.estimation.corner_filter import CornerEkf
@@ -18,57 +15,49 @@ from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, PoseMeasurement
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import not_none
+from tests.perception.conftest import see
 
-See = Callable[..., Any]
 SEATED = SE2(-0.1, 0.0, 0.0)
-
-
-@pytest.fixture(scope="module")
-def careful(scene: Scene) -> Scene:
-    return Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": "careful"})
 
 
 def _target(scene: Scene) -> TargetModel:
     return TargetModel.from_scene(scene.told(), scene.docks[0])
 
 
-def _looks(ekf: CornerEkf, see: See, pose: np.ndarray, frames: int, first: int = 0) -> None:
+def _looks(ekf: CornerEkf, pose: np.ndarray, frames: int, first: int = 0) -> None:
     for frame in range(first, first + frames):
         tags = see(pose, ekf.target.port_tags)
         ekf.add_detections(Detections(Exposure("a/onboard", frame, frame * 40_000_000), tags, ()))
 
 
-def test_a_port_looks_from_its_seat_as_it_did_the_last_time(careful: Scene, see: See) -> None:
+def test_a_port_looks_from_its_seat_as_it_did_the_last_time(careful: Scene) -> None:
     """The bracket holds the marker 2 mm and 0.5 deg off, so that by the drawing the unit is not seated."""
     target = _target(careful)
     seen = np.array([-0.1 - 0.002, 0.001, math.radians(0.5), 0.0, 0.0])
     first = CornerEkf(target, careful.odometry)
-    _looks(first, see, seen, 10)
-    before = first.estimate(360_000_000)
-    assert before is not None
+    _looks(first, seen, 10)
+    before = not_none(first.estimate(360_000_000))
     assert abs(before.X_DU.x - SEATED.x) > 0.0015
-    learned = first.learned(seated=True)
-    assert learned is not None
+    learned = not_none(first.learned(seated=True))
     again = CornerEkf(target, careful.odometry)
     again.recall(learned)
-    _looks(again, see, seen, 10)
-    after = again.estimate(360_000_000)
-    assert after is not None
+    _looks(again, seen, 10)
+    after = not_none(again.estimate(360_000_000))
     assert abs(after.X_DU.x - SEATED.x) < 2e-4
     assert abs(after.X_DU.yaw) < math.radians(0.2)
     assert after.covariance[0, 0] < 0.25 * before.covariance[0, 0]
     assert after.covariance[1, 1] > (0.0006) ** 2  # the play of the throat hides the side
 
 
-def test_a_seat_with_more_play_says_less_of_the_side(careful: Scene, see: See) -> None:
+def test_a_seat_with_more_play_says_less_of_the_side(careful: Scene) -> None:
     target = _target(careful)
     assert target.mechanism is not None
     sides = []
     for play in (0.0005, 0.0015, 0.006):
         filter_ = CornerEkf(replace(target, mechanism=replace(target.mechanism, play=play)), careful.odometry)
-        _looks(filter_, see, np.array([-0.1, 0.0, 0.0, 0.0, 0.0]), 10)
-        learned = filter_.learned(seated=True)
-        assert learned is not None
+        _looks(filter_, np.array([-0.1, 0.0, 0.0, 0.0, 0.0]), 10)
+        learned = not_none(filter_.learned(seated=True))
         sides.append(math.sqrt(learned.covariance[-2, -2]))  # of the marker on its bracket
     assert 1.02 * sides[0] < sides[1] < sides[2] / 1.02
 
@@ -111,37 +100,35 @@ def test_the_pose_in_the_dock_frame_moves_with_the_marker(careful: Scene) -> Non
         np.testing.assert_allclose(J[:, i], (pose(mean + e) - pose(mean - e)) / 2e-6, atol=1e-8)
 
 
-def test_tolerances_make_a_pose_as_uncertain_as_it_is(scene: Scene, careful: Scene, see: See) -> None:
+def test_tolerances_make_a_pose_as_uncertain_as_it_is(scene: Scene, careful: Scene) -> None:
     """As many frames as one likes do not tell where the bracket holds the marker."""
     target, exact = _target(careful), _target(scene)
     pose = np.array([-0.3, 0.0, 0.0, 0.0, 0.0])
     sigmas = []
     for of in (target, exact):
         ekf = CornerEkf(of, careful.odometry)
-        _looks(ekf, see, pose, 100)
-        found = ekf.estimate(99 * 40_000_000)
-        assert found is not None
+        _looks(ekf, pose, 100)
+        found = not_none(ekf.estimate(99 * 40_000_000))
         sigmas.append(np.sqrt(np.diag(found.covariance)))
     x, y, _, _, _, yaw = target.tolerances.bracket
     assert (sigmas[0] > [x, y, yaw]).all()
     assert (sigmas[1] < [1e-3, 1e-3, 1e-3]).all()
 
 
-def test_measured_poses_share_the_errors_of_calibration_with_corners(careful: Scene, see: See) -> None:
+def test_measured_poses_share_the_errors_of_calibration_with_corners(careful: Scene) -> None:
     """However often a pose is measured, what camera and bracket are off by stays unknown.
 
     Corners tell a little of it, because no pose fits them quite; a pose that is measured tells nothing.
     """
     target, pose = _target(careful), np.array([-0.3, 0.0, 0.0, 0.0, 0.0])
     by_corners, by_poses = CornerEkf(target, careful.odometry), CornerEkf(target, careful.odometry)
-    _looks(by_corners, see, pose, 100)
+    _looks(by_corners, pose, 100)
     for frame in range(100):
         exposure = Exposure("a/onboard", frame, frame * 40_000_000)
         by_poses.add_pose(PoseMeasurement(exposure, SE2(-0.3, 0.0, 0.0), 1e-10 * np.eye(3), (None, None)))
     sigmas = []
     for ekf in (by_corners, by_poses):
-        found = ekf.estimate(99 * 40_000_000)
-        assert found is not None
+        found = not_none(ekf.estimate(99 * 40_000_000))
         sigmas.append(np.sqrt(np.diag(found.covariance)))
     assert (sigmas[0] < sigmas[1]).all()
     assert (sigmas[1] < 2.0 * sigmas[0]).all()

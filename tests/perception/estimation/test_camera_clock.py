@@ -6,7 +6,6 @@ How far the clock is off is told by the motion of the unit, whatever acceleratio
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from itertools import product
@@ -26,8 +25,9 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, PoseMeasurement, TagDetection, WheelOdometry
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import OdometrySpec
+from tests.conftest import not_none
+from tests.perception.conftest import see
 
-See = Callable[..., Any]
 MS, SIGMA_PX, LATENCY_MS = 1_000_000, 0.05, 40
 
 
@@ -42,7 +42,6 @@ def _doubtful(scene: Scene, sigma_ms: float = 8.0, readout_ms: float = 0.0) -> S
 
 def _messages(
     target: TargetModel,
-    see: See,
     seed: int,
     late_ms: float,
     odometry: OdometrySpec | None = None,
@@ -67,7 +66,7 @@ def _messages(
         message: Detections | PoseMeasurement
         if pose_sigmas is None:
             tags = see(pose_vector(_pose_at(poses, at_ms)), target.port_tags, rng, SIGMA_PX)
-            message = Detections(exposure, _row_by_row(target, see, poses, at_ms, tags), ())
+            message = Detections(exposure, _row_by_row(target, poses, at_ms, tags), ())
         else:
             x, y, yaw = _pose_at(poses, at_ms).as_array() + pose_sigmas * rng.normal(size=3)
             message = PoseMeasurement(exposure, SE2(x, y, yaw), np.diag(pose_sigmas**2), (None, None))
@@ -100,7 +99,7 @@ def _pose_at(poses: list[SE2], ms: float) -> SE2:
 
 
 def _row_by_row(
-    target: TargetModel, see: See, poses: list[SE2], at_ms: float, tags: tuple[TagDetection, ...]
+    target: TargetModel, poses: list[SE2], at_ms: float, tags: tuple[TagDetection, ...]
 ) -> tuple[TagDetection, ...]:
     """Return tags with each corner where it is when its row is exposed."""
     shutter = target.shutter
@@ -146,35 +145,31 @@ def _filter(scene: Scene, messages: list[Any], horizon_s: float = 1.0) -> Corner
     ],
 )
 def test_the_clock_is_found_and_its_covariance_is_honest(
-    scene: Scene, see: See, sigma_ms: float, late_ms: float, readout_ms: float
+    scene: Scene, sigma_ms: float, late_ms: float, readout_ms: float
 ) -> None:
     """Ten drives; the squared errors are chi-square with 10 and 30 degrees of freedom: odds 1e-6 to fail."""
-    _is_honest(_doubtful(scene, sigma_ms, readout_ms), see, late_ms, 2e-3)
+    _is_honest(_doubtful(scene, sigma_ms, readout_ms), late_ms, 2e-3)
 
 
 @pytest.mark.parametrize(
     ("sigma_ms", "late_ms"),
     [(16.0, 16.0), (32.0, -64.0), pytest.param(16.0, -32.0, marks=pytest.mark.nightly)],
 )
-def test_measured_poses_tell_the_clock_as_well(
-    scene: Scene, see: See, sigma_ms: float, late_ms: float
-) -> None:
+def test_measured_poses_tell_the_clock_as_well(scene: Scene, sigma_ms: float, late_ms: float) -> None:
     """The same with poses in the place of pictures, as parametric perception has them.
 
     The clock was not looked at: a pose of which the stamp is off by 16 ms is 1.6 mm off.
     """
-    _is_honest(_doubtful(scene, sigma_ms), see, late_ms, 8e-3, np.array([5e-4, 5e-4, 2e-3]))
+    _is_honest(_doubtful(scene, sigma_ms), late_ms, 8e-3, np.array([5e-4, 5e-4, 2e-3]))
 
 
-def _is_honest(
-    scene: Scene, see: See, late_ms: float, most_s: float, pose_sigmas: np.ndarray | None = None
-) -> None:
+def _is_honest(scene: Scene, late_ms: float, most_s: float, pose_sigmas: np.ndarray | None = None) -> None:
     """Check clock and pose after ten drives, and that the clock is known to ``most_s``."""
     target = TargetModel.from_scene(scene, scene.docks[0])
     column = target.filter_layout.tags.columns[0, CLOCK]
     clock = pose = 0.0
     for seed in range(10):
-        messages, X = _messages(target, see, seed, late_ms, pose_sigmas=pose_sigmas)
+        messages, X = _messages(target, seed, late_ms, pose_sigmas=pose_sigmas)
         ekf = _filter(scene, messages)
         state, found = ekf._history.newest, ekf.predict(1000 * MS)
         assert state is not None
@@ -188,7 +183,7 @@ def _is_honest(
 
 
 @pytest.mark.parametrize("readout_ms", [30.0, 100.0])
-def test_each_corner_is_seen_when_its_row_is_exposed(scene: Scene, see: See, readout_ms: float) -> None:
+def test_each_corner_is_seen_when_its_row_is_exposed(scene: Scene, readout_ms: float) -> None:
     """Ten drives of a unit whose camera has a rolling shutter and is as designed: odds 1e-6 to fail.
 
     With one time for all rows of 30 ms the squared errors add up to 800, where 30 is right.
@@ -197,9 +192,8 @@ def test_each_corner_is_seen_when_its_row_is_exposed(scene: Scene, see: See, rea
     rolling = Scene.model_validate({**scene.model_dump(exclude=set(given)), **given})
     target, pose = TargetModel.from_scene(rolling, rolling.docks[0]), 0.0
     for seed in range(10):
-        messages, X = _messages(target, see, seed, 0.0, ends_ms=600)  # when it is fastest
-        found = _filter(rolling, messages).predict(600 * MS)
-        assert found is not None
+        messages, X = _messages(target, seed, 0.0, ends_ms=600)  # when it is fastest
+        found = not_none(_filter(rolling, messages).predict(600 * MS))
         e = found.X_DU.as_array() - X.as_array()
         pose += float(e @ np.linalg.solve(found.covariance, e))
     assert pose < chi2.ppf(1 - 1e-6, 30)
@@ -207,7 +201,7 @@ def test_each_corner_is_seen_when_its_row_is_exposed(scene: Scene, see: See, rea
 
 @pytest.mark.parametrize("ticks_per_turn", [1024, 512])
 def test_errors_of_the_encoders_are_not_taken_for_motion_that_tells_the_clock(
-    scene: Scene, see: See, ticks_per_turn: int
+    scene: Scene, ticks_per_turn: int
 ) -> None:
     """Twenty drives with encoders that round and have noise; the squared errors are chi-square: odds 1e-6.
 
@@ -219,37 +213,32 @@ def test_errors_of_the_encoders_are_not_taken_for_motion_that_tells_the_clock(
     target = TargetModel.from_scene(coarse, coarse.docks[0])
     column, clock = target.filter_layout.tags.columns[0, CLOCK], 0.0
     for seed in range(20):
-        messages, _ = _messages(target, see, seed, -8.0, odometry)
-        state = _filter(coarse, messages)._history.newest
-        assert state is not None
+        messages, _ = _messages(target, seed, -8.0, odometry)
+        state = not_none(_filter(coarse, messages)._history.newest)
         clock += (state.mean[column] + 8e-3) ** 2 / state.covariance[column, column]
     assert clock < chi2.ppf(1 - 1e-6, 20)
 
 
 @pytest.mark.parametrize(("sigma_ms", "late_ms"), [(8.0, -8.0), (32.0, -64.0)])
-def test_the_order_of_arrival_does_not_matter(
-    scene: Scene, see: See, sigma_ms: float, late_ms: float
-) -> None:
+def test_the_order_of_arrival_does_not_matter(scene: Scene, sigma_ms: float, late_ms: float) -> None:
     """Readings after a picture tell how the unit moves then, whether they arrive before it or after it."""
     doubtful = _doubtful(scene, sigma_ms)
     target = TargetModel.from_scene(doubtful, doubtful.docks[0])
-    messages, _ = _messages(target, see, 0, late_ms)
+    messages, _ = _messages(target, 0, late_ms)
     early = sorted(messages, key=lambda m: (m[0] - (LATENCY_MS - late_ms) * m[1], m[1]))
-    a, b = (_filter(doubtful, order).predict(1000 * MS) for order in (messages, early))
-    assert a is not None
-    assert b is not None
+    a, b = (not_none(_filter(doubtful, order).predict(1000 * MS)) for order in (messages, early))
     assert a.X_DU == b.X_DU
     assert np.array_equal(a.covariance, b.covariance)
 
 
 @pytest.mark.parametrize("late_ms", [-16.0, 16.0])
 def test_a_picture_that_is_nearly_too_late_finds_the_readings_about_its_exposure(
-    scene: Scene, see: See, late_ms: float
+    scene: Scene, late_ms: float
 ) -> None:
     """A picture 0.28 s late at a horizon of 0.3 s gives the result of pictures in order, bit for bit."""
     doubtful = _doubtful(scene)
     target = TargetModel.from_scene(doubtful, doubtful.docks[0])
-    messages, _ = _messages(target, see, 0, late_ms)
+    messages, _ = _messages(target, 0, late_ms)
     stamp_ns = 600 * MS
     pictures = {m[2].exposure.stamp_ns: m for m in messages if m[1]}
     held, due = pictures[stamp_ns], pictures[stamp_ns + 280 * MS][0]
@@ -279,8 +268,7 @@ def test_parts_of_a_doubt_add_up_to_the_state_that_was_cut(sigma_s: float) -> No
         parts.append(part)
         return part
 
-    found = by_parts(prior, clock, tells_nothing)
-    assert found is not None
+    found = not_none(by_parts(prior, clock, tells_nothing))
     assert found.cost == pytest.approx(prior.cost)
     np.testing.assert_allclose(found.mean, prior.mean, atol=1e-12)
     np.testing.assert_allclose((found.covariance - P) / np.outer(sigmas, sigmas), 0.0, atol=0.09)

@@ -6,7 +6,6 @@ import math
 import random
 import time
 import tracemalloc
-from collections.abc import Callable
 from dataclasses import replace
 from operator import itemgetter
 from typing import Any
@@ -32,9 +31,9 @@ from msrr_scenes.messages import (
 from msrr_scenes.registry import build
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.spec import Choice
-from tests.conftest import pose_error
+from tests.conftest import not_none, pose_error
+from tests.perception.conftest import make_drive
 
-MakeDrive = Callable[..., Any]
 MS = 1_000_000
 
 
@@ -58,18 +57,7 @@ def _follow(drive: Any, estimator: Estimator, ticks: int, latency_ticks: int = 4
             estimator.add_detections(drive.under_way.pop(0)[1])
 
 
-def test_nothing_is_known_before_the_first_picture(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
-) -> None:
-    ekf, drive = _ekf(target, scene), make_drive(0)
-    ekf.add_odometry(drive.step()[0])
-    assert ekf.predict(drive.now_ns) is None
-    assert ekf.estimate(drive.now_ns) is None
-
-
-def test_errors_shrink_and_the_covariance_stays_honest(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
-) -> None:
+def test_errors_shrink_and_the_covariance_stays_honest(target: TargetModel, scene: Scene) -> None:
     """25 approaches, 0.3 px corners, 2 % wheel error, 40 ms latency.
 
     At each of three instants the summed NEES over the runs is chi-square with 75 degrees of freedom at most
@@ -95,7 +83,7 @@ def test_errors_shrink_and_the_covariance_stays_honest(
 
 
 def test_late_and_disordered_pictures_give_the_ordered_result_bit_for_bit(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
+    target: TargetModel, scene: Scene
 ) -> None:
     ordered, disordered = _ekf(target, scene), _ekf(target, scene)
     drive, shuffled = make_drive(3), random.Random(5)
@@ -113,9 +101,7 @@ def test_late_and_disordered_pictures_give_the_ordered_result_bit_for_bit(
             waiting.remove(item)
     for _, picture in waiting:
         disordered.add_detections(picture)
-    a, b = (ekf.estimate(drive.now_ns) for ekf in (ordered, disordered))
-    assert a is not None
-    assert b is not None
+    a, b = (not_none(ekf.estimate(drive.now_ns)) for ekf in (ordered, disordered))
     assert a.X_DU == b.X_DU
     assert np.array_equal(a.covariance, b.covariance)
     assert a.last_seen_ns == b.last_seen_ns
@@ -123,7 +109,7 @@ def test_late_and_disordered_pictures_give_the_ordered_result_bit_for_bit(
 
 @pytest.mark.parametrize("odometry_ticks", [3, 12])
 def test_late_odometry_gives_the_ordered_result_bit_for_bit(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive, odometry_ticks: int
+    target: TargetModel, scene: Scene, odometry_ticks: int
 ) -> None:
     """Pictures arrive before the readings that tell how the unit moved until their exposure."""
     ordered, disordered = _ekf(target, scene), _ekf(target, scene)
@@ -142,14 +128,12 @@ def test_late_odometry_gives_the_ordered_result_bit_for_bit(
             else:
                 ekf.add_odometry(message)
             ekf.predict(round(10 * arrival) * MS)  # what is kept of it must not outlast the next message
-    a, b = (ekf.estimate(drive.now_ns) for ekf in (ordered, disordered))
-    assert a is not None
-    assert b is not None
+    a, b = (not_none(ekf.estimate(drive.now_ns)) for ekf in (ordered, disordered))
     assert a.X_DU == b.X_DU
     assert np.array_equal(a.covariance, b.covariance)
 
 
-def test_the_past_can_be_asked_for(target: TargetModel, scene: Scene, make_drive: MakeDrive) -> None:
+def test_the_past_can_be_asked_for(target: TargetModel, scene: Scene) -> None:
     ekf, drive, truth = _ekf(target, scene), make_drive(1), {}
     for _ in range(200):
         reading, picture = drive.step()
@@ -159,13 +143,12 @@ def test_the_past_can_be_asked_for(target: TargetModel, scene: Scene, make_drive
         truth[drive.now_ns] = drive.X_DU
     for back in (0, 130 * MS, 500 * MS):
         stamp = drive.now_ns - back
-        found = ekf.predict(stamp)
-        assert found is not None
+        found = not_none(ekf.predict(stamp))
         assert found.stamp_ns == stamp
         assert np.abs(_error(found, truth[stamp])).max() < 0.01
 
 
-def test_asking_does_not_change_the_answer(target: TargetModel, scene: Scene, make_drive: MakeDrive) -> None:
+def test_asking_does_not_change_the_answer(target: TargetModel, scene: Scene) -> None:
     quiet, asked = _ekf(target, scene), _ekf(target, scene)
     drive, twin = make_drive(2), make_drive(2)
     for _ in range(150):
@@ -186,7 +169,7 @@ def test_asking_does_not_change_the_answer(target: TargetModel, scene: Scene, ma
 
 @pytest.mark.parametrize(("turn_radps", "counts_less"), [(0.2, False), (0.8, True)])
 def test_corners_of_tags_that_a_turn_smears_by_more_than_half_a_module_count_less(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive, turn_radps: float, counts_less: bool
+    target: TargetModel, scene: Scene, turn_radps: float, counts_less: bool
 ) -> None:
     """In 10 ms at 0.8 rad/s a tag moves by 3.3 px; at 0.8 m half a module has 1.4 or 1.7 px."""
     covariances = []
@@ -194,8 +177,7 @@ def test_corners_of_tags_that_a_turn_smears_by_more_than_half_a_module_count_les
         drive = make_drive(0, speed=lambda X: (0.0, turn_radps), scale_error=0.0, sigma=0.03)
         ekf = _ekf(replace(target, exposure_s=exposure_s), scene, corner_sigma_px=None)
         _follow(drive, ekf, 40)
-        found = ekf.estimate(drive.now_ns)
-        assert found is not None
+        found = not_none(ekf.estimate(drive.now_ns))
         covariances.append(found.covariance)
     instant, exposed = covariances
     if counts_less:
@@ -204,9 +186,7 @@ def test_corners_of_tags_that_a_turn_smears_by_more_than_half_a_module_count_les
         np.testing.assert_array_equal(exposed, instant)
 
 
-def test_delay_compensation_takes_the_lag_away(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
-) -> None:
+def test_delay_compensation_takes_the_lag_away(target: TargetModel, scene: Scene) -> None:
     """Turning at 0.3 rad/s with 120 ms latency: 0.036 rad and more behind without it."""
 
     def sway(X: SE2) -> tuple[float, float]:
@@ -235,14 +215,11 @@ def test_delay_compensation_takes_the_lag_away(
     assert stale is not None
     assert fresh is not None
     assert stale.stamp_ns == stale.last_seen_ns < drive.now_ns == fresh.stamp_ns
-    ahead = off.predict(drive.now_ns)  # planning windows is compensated all the same
-    assert ahead is not None
+    ahead = not_none(off.predict(drive.now_ns))  # planning windows is compensated all the same
     assert ahead.X_DU == fresh.X_DU
 
 
-def test_a_tag_in_the_wrong_place_is_gated_out(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
-) -> None:
+def test_a_tag_in_the_wrong_place_is_gated_out(target: TargetModel, scene: Scene) -> None:
     ekf, drive = _ekf(target, scene), make_drive(4)
     _follow(drive, ekf, 100, 0)
     for _ in range(100):
@@ -257,7 +234,7 @@ def test_a_tag_in_the_wrong_place_is_gated_out(
     assert abs(e[2]) < math.radians(0.5)
 
 
-def test_tags_of_others_change_nothing(target: TargetModel, scene: Scene, make_drive: MakeDrive) -> None:
+def test_tags_of_others_change_nothing(target: TargetModel, scene: Scene) -> None:
     ekf, drive = _ekf(target, scene), make_drive(4)
     _follow(drive, ekf, 50, 0)
     before = ekf.estimate(drive.now_ns)
@@ -270,9 +247,7 @@ def test_tags_of_others_change_nothing(target: TargetModel, scene: Scene, make_d
     assert (after.X_DU, after.last_seen_ns) == (before.X_DU, before.last_seen_ns)
 
 
-def test_a_carried_off_robot_finds_itself_again(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
-) -> None:
+def test_a_carried_off_robot_finds_itself_again(target: TargetModel, scene: Scene) -> None:
     """Lifted and put down elsewhere: everything is gated out, and after five pictures it starts anew."""
     ekf, drive = _ekf(target, scene, reset_after=5), make_drive(6)
     _follow(drive, ekf, 150, 0)
@@ -285,7 +260,7 @@ def test_a_carried_off_robot_finds_itself_again(
 
 @pytest.mark.parametrize("reset_after", [1, 2, 5])
 def test_it_starts_anew_with_exactly_the_picture_that_reaches_the_threshold(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive, reset_after: int
+    target: TargetModel, scene: Scene, reset_after: int
 ) -> None:
     """Carried off unseen: ``reset_after`` - 1 pictures are gated out, and the next one is the new start."""
     ekf, drive = _ekf(target, scene, reset_after=reset_after), make_drive(6)
@@ -303,8 +278,7 @@ def test_it_starts_anew_with_exactly_the_picture_that_reaches_the_threshold(
             continue
         pictures += 1
         ekf.add_detections(picture)
-        found = ekf.estimate(drive.now_ns)
-        assert found is not None
+        found = not_none(ekf.estimate(drive.now_ns))
         assert ekf.exposures == counts + ExposureCounts(rejected=pictures)
         error = np.abs(_error(found, drive.X_DU)[:2]).max()
         if pictures < reset_after:
@@ -315,9 +289,7 @@ def test_it_starts_anew_with_exactly_the_picture_that_reaches_the_threshold(
             assert error < 0.02
 
 
-def test_a_good_picture_in_between_begins_the_count_anew(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
-) -> None:
+def test_a_good_picture_in_between_begins_the_count_anew(target: TargetModel, scene: Scene) -> None:
     """Two wrong ones, a good one, two wrong ones: with ``reset_after`` = 3 the filter stays where it is."""
     ekf, drive = _ekf(target, scene, reset_after=3), make_drive(6)
     _follow(drive, ekf, 150, 0)
@@ -339,7 +311,7 @@ def test_a_good_picture_in_between_begins_the_count_anew(
 
 @pytest.mark.parametrize("x", [-0.101, -0.118])
 def test_spinning_wheels_at_the_port_do_not_move_the_estimate(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive, x: float
+    target: TargetModel, scene: Scene, x: float
 ) -> None:
     """Seated (or stopped by its pins) it presses with 0.05 m/s for 3 s: 150 mm of wheel travel, no motion."""
     drive = make_drive(7, X_DU=SE2(x - 0.15, 0.001, 0.01), speed=lambda X: (0.11, 0.0))
@@ -361,9 +333,7 @@ def test_spinning_wheels_at_the_port_do_not_move_the_estimate(
 
 
 @pytest.mark.parametrize("spinning", [-1, 1])
-def test_a_wheel_that_spins_in_the_seat_is_doubted(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive, spinning: int
-) -> None:
+def test_a_wheel_that_spins_in_the_seat_is_doubted(target: TargetModel, scene: Scene, spinning: int) -> None:
     """One wheel turns at 0.05 m/s for 1 s while the other one and the unit stand: as much as 22 deg of yaw.
 
     All the time the true pose is within the ellipsoid that holds it 999 times of 1000.
@@ -381,9 +351,7 @@ def test_a_wheel_that_spins_in_the_seat_is_doubted(
 
 
 @pytest.mark.parametrize("slot", [0, 1, 2])
-def test_one_tag_is_enough_to_start(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive, slot: int
-) -> None:
+def test_one_tag_is_enough_to_start(target: TargetModel, scene: Scene, slot: int) -> None:
     """Only one tag is readable at first, the others later; 10 starts, honest at once and good in the end."""
     for seed in range(10):
         ekf = _ekf(target, scene)
@@ -398,9 +366,7 @@ def test_one_tag_is_enough_to_start(
         assert np.abs(_error(ekf.estimate(drive.now_ns), drive.X_DU)).max() < 0.01
 
 
-def test_without_sight_the_wheels_carry_on_and_doubt_grows(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
-) -> None:
+def test_without_sight_the_wheels_carry_on_and_doubt_grows(target: TargetModel, scene: Scene) -> None:
     ekf, drive = _ekf(target, scene), make_drive(8)
     _follow(drive, ekf, 150)
     seen = ekf.estimate(drive.now_ns)
@@ -416,7 +382,7 @@ def test_without_sight_the_wheels_carry_on_and_doubt_grows(
     assert blind.last_seen_ns == seen.last_seen_ns
 
 
-def test_ready_made_poses_do_as_well(target: TargetModel, scene: Scene, make_drive: MakeDrive) -> None:
+def test_ready_made_poses_do_as_well(target: TargetModel, scene: Scene) -> None:
     """5 mm, 1 degree, 50 ms late: better than one measurement after 2 s, and an outlier is gated out."""
     R = np.diag([0.005, 0.005, math.radians(1.0)]) ** 2
     ekf, drive, rng = _ekf(target, scene), make_drive(9), np.random.default_rng(0)
@@ -440,22 +406,7 @@ def test_ready_made_poses_do_as_well(target: TargetModel, scene: Scene, make_dri
     assert max(nees) < 40.0
 
 
-def test_two_filters_fed_alike_agree_bit_for_bit(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
-) -> None:
-    results = []
-    for _ in range(2):
-        ekf, drive = _ekf(target, scene), make_drive(12)
-        _follow(drive, ekf, 120)
-        found = ekf.estimate(drive.now_ns)
-        assert found is not None
-        results.append((found.X_DU, found.covariance.tobytes()))
-    assert results[0] == results[1]
-
-
-def test_reset_forgets_the_pose_and_keeps_the_wheels(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
-) -> None:
+def test_reset_forgets_the_pose_and_keeps_the_wheels(target: TargetModel, scene: Scene) -> None:
     ekf, drive = _ekf(target, scene), make_drive(1)
     _follow(drive, ekf, 50)
     ekf.reset()
@@ -466,7 +417,7 @@ def test_reset_forgets_the_pose_and_keeps_the_wheels(
 
 @pytest.mark.parametrize("latency_ms", [40, 1500, 2000])
 def test_a_first_picture_of_a_unit_that_drives_may_be_late(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive, latency_ms: int
+    target: TargetModel, scene: Scene, latency_ms: int
 ) -> None:
     """Later than the horizon, what the unit had driven meanwhile was forgotten: 5 and 10 cm.
 
@@ -505,9 +456,7 @@ def test_a_long_drive_out_of_sight_takes_no_memory(target: TargetModel, scene: S
     assert kept[1] < 1.5 * kept[0]
 
 
-def test_an_update_with_five_tags_takes_less_than_a_millisecond(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
-) -> None:
+def test_an_update_with_five_tags_takes_less_than_a_millisecond(target: TargetModel, scene: Scene) -> None:
     """Prediction over 40 ms of readings and update, processor time, best of 60 (others use the cores)."""
     tags = (*target.port_tags, 26, 27)
     assert set(tags) <= set(target.tags)

@@ -17,6 +17,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import NS_PER_S, Detections, Exposure, PoseMeasurement, WheelOdometry
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import not_none
 from tests.perception.conftest import Drive
 
 #: Ticks of 10 ms: the encoders fail after the first, and are as they were before from the second on.
@@ -54,8 +55,7 @@ def test_images_prevail_over_encoders_that_fail(careful: Scene, name: str, seed:
     held, offset, errors, used = None, np.zeros(2), list[np.ndarray](), 0
     while drive.tick < END:
         true, picture = drive.step()
-        held = true if drive.tick <= FAILS else held
-        assert held is not None
+        held = not_none(true if drive.tick <= FAILS else held)
         told = true
         if FAILS < drive.tick <= MENDED:
             told = failure(true, held)
@@ -90,15 +90,13 @@ def test_images_prevail_where_one_of_three_agrees_with_a_failed_encoder(careful:
     drive.speed = lambda _: (-0.05 if 51 < drive.tick <= 111 else 0.0, 0.0)
     while drive.tick < 200:
         reading, picture = drive.step()
-        held = reading if drive.tick <= 50 else held
-        assert held is not None
+        held = not_none(reading if drive.tick <= 50 else held)
         ekf.add_odometry(replace(reading, left=held.left))
         if picture is not None:
             images += 1
             tags = (tag for tag in picture.tags if tag.tag_id in windows[images % 3])
             ekf.add_detections(picture if images == 1 else replace(picture, tags=tuple(tags)))
-    found = ekf.estimate(drive.now_ns)
-    assert found is not None
+    found = not_none(ekf.estimate(drive.now_ns))
     assert found.X_DU.x == pytest.approx(drive.X_DU.x, abs=0.003)
     assert found.X_DU.yaw == pytest.approx(drive.X_DU.yaw, abs=math.radians(1.0))
 

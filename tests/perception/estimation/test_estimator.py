@@ -48,10 +48,9 @@ def test_a_pose_passes_and_its_numbers_become_plain_ones() -> None:
         (replace(POSE, last_seen_ns=None), "a time in whole nanoseconds"),
     ],
 )
-@pytest.mark.parametrize("method", ["estimate", "predict"])
-def test_what_is_no_pose_is_refused(method: str, pose: Any, why: str) -> None:
+def test_what_is_no_pose_is_refused(pose: Any, why: str) -> None:
     with pytest.raises(ValueError, match=why):
-        ESTIMATORS.methods[method](pose, 20)
+        check(pose, 20)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -21,22 +20,21 @@ from msrr_scenes.messages import (
     Exposure,
     ExposureCounts,
     PoseMeasurement,
-    TagDetection,
     WheelOdometry,
 )
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import not_none
+from tests.perception.conftest import see
 
 X_DU = SE2(-0.6, 0.05, 0.1)
 FIRST, NEXT = Exposure("a/onboard", 0, 0), Exposure("a/onboard", 1, 40_000_000)
 RESET_AFTER = 5
 
-See = Callable[..., tuple[TagDetection, ...]]
-
 
 class Stepper:
     """A filter step with its wheels, and the state after a first exposure of all tags."""
 
-    def __init__(self, target: TargetModel, scene: Scene, see: See) -> None:
+    def __init__(self, target: TargetModel, scene: Scene) -> None:
         self.motion, self.wheels = DriveMotion(target, scene.odometry, DEFAULT_NOISE), WheelHistory()
         self.wheel_radius = target.wheel_radius
         update = CornerUpdate(target, 0.3, DEFAULT_NOISE.tilt_sigma, 0.9999, 2.0)
@@ -49,8 +47,8 @@ class Stepper:
 
 
 @pytest.fixture
-def stepper(target: TargetModel, scene: Scene, see: See) -> Stepper:
-    return Stepper(target, scene, see)
+def stepper(target: TargetModel, scene: Scene) -> Stepper:
+    return Stepper(target, scene)
 
 
 def _measured(X_DU: SE2, exposure: Exposure = NEXT) -> PoseMeasurement:
@@ -65,8 +63,7 @@ def test_a_state_whose_position_is_unknown_is_started_anew_at_once(stepper: Step
         covariance = stepper.first.covariance.copy()
         covariance[axis, axis] = sigma**2
         before = replace(stepper.first, covariance=covariance, wheels_doubted_ns=doubted_ns)
-        after = stepper.step.take(before, _measured(X_DU))
-        assert after is not None
+        after = not_none(stepper.step.take(before, _measured(X_DU)))
         assert after.exposures == counts
         assert after.rejected == 0
         np.testing.assert_allclose(after.mean[:2], X_DU.translation, atol=1e-2)
@@ -75,8 +72,7 @@ def test_a_state_whose_position_is_unknown_is_started_anew_at_once(stepper: Step
 def test_both_axes_together_make_a_position_unknown(stepper: Stepper) -> None:
     covariance = stepper.first.covariance.copy()
     covariance[[0, 1], [0, 1]] = 7.2**2
-    after = stepper.step.take(replace(stepper.first, covariance=covariance), _measured(X_DU))
-    assert after is not None
+    after = not_none(stepper.step.take(replace(stepper.first, covariance=covariance), _measured(X_DU)))
     assert after.exposures == ExposureCounts(used=1, rejected=1)
 
 
@@ -99,20 +95,19 @@ def test_a_state_that_no_measurement_confirms_is_kept_until_the_last_that_may_di
 
 
 def test_a_measurement_that_starts_nothing_leaves_the_state_as_it_was(
-    stepper: Stepper, target: TargetModel, see: See
+    stepper: Stepper, target: TargetModel
 ) -> None:
     """Two tags that disagree with each other as well, when a new start is due."""
     last, (one, two, _) = replace(stepper.first, rejected=9), see(pose_vector(X_DU), target.port_tags)
     tags = (replace(one, corners=one.corners + 100.0), replace(two, corners=two.corners - 80.0))
-    after = stepper.step.take(last, Detections(NEXT, tags, ()))
-    assert after is not None
+    after = not_none(stepper.step.take(last, Detections(NEXT, tags, ())))
     assert (after.rejected, after.last_seen_ns) == (10, 0)
     assert after.exposures == ExposureCounts(used=1, rejected=1)
     np.testing.assert_allclose(after.mean[1:3], stepper.first.mean[1:3], atol=0.01)
 
 
 def test_whichever_pose_of_a_new_start_leads_counts_on_from_the_state_before(
-    stepper: Stepper, target: TargetModel, see: See
+    stepper: Stepper, target: TargetModel
 ) -> None:
     """One tag leaves poses open; the count began again where another one than the first took the lead."""
     last, elsewhere = replace(stepper.first, rejected=RESET_AFTER - 1), SE2(-0.8, -0.1, 0.2)
@@ -130,8 +125,7 @@ def test_a_pose_with_which_a_measurement_does_not_agree_is_less_likely(stepper: 
     mean[0] -= 0.3
     other = replace(stepper.first, mean=mean, alternatives=())
     for one, another in ((stepper.first, other), (other, stepper.first)):
-        after = stepper.step.take(replace(one, alternatives=(another,)), _measured(X_DU))
-        assert after is not None
+        after = not_none(stepper.step.take(replace(one, alternatives=(another,)), _measured(X_DU)))
         np.testing.assert_allclose(after.mean[:2], X_DU.translation, atol=0.01)
         assert after.alternatives == ()
         assert after.exposures == ExposureCounts(used=2)
@@ -139,8 +133,7 @@ def test_a_pose_with_which_a_measurement_does_not_agree_is_less_likely(stepper: 
 
 def test_wheels_that_agree_again_are_trusted_after_they_did_not(stepper: Stepper) -> None:
     """As long as none has been corrected without them."""
-    wheels = stepper.wheels.angles_at(NEXT.stamp_ns)
-    assert wheels is not None
+    wheels = not_none(stepper.wheels.angles_at(NEXT.stamp_ns))
     measured = _measured(X_DU @ SE2(wheels.left * stepper.wheel_radius, 0.0, 0.0))
     at_once = stepper.step.take(stepper.first, measured)
     again = stepper.step.take(replace(stepper.first, rejected=RESET_AFTER - 1), measured)
@@ -149,8 +142,7 @@ def test_wheels_that_agree_again_are_trusted_after_they_did_not(stepper: Stepper
     np.testing.assert_array_equal(again.mean, at_once.mean)
     np.testing.assert_array_equal(again.covariance, at_once.covariance)
     assert (again.exposures, again.rejected) == (ExposureCounts(used=2), 0)
-    third = stepper.step.take(replace(stepper.first, rejected=2), measured)
-    assert third is not None
+    third = not_none(stepper.step.take(replace(stepper.first, rejected=2), measured))
     np.testing.assert_array_equal(third.covariance, at_once.covariance)
 
 
@@ -158,38 +150,33 @@ def test_what_agrees_only_without_the_wheels_is_counted_and_dated(stepper: Stepp
     """Wheels that are doubted already, and a unit that has been carried 2 cm aside meanwhile."""
     aside = X_DU @ SE2(0.0, 0.02, 0.0)
     doubted = replace(stepper.first, wheels_doubted_ns=0)
-    after = stepper.step.take(doubted, _measured(aside))
-    assert after is not None
+    after = not_none(stepper.step.take(doubted, _measured(aside)))
     assert after.exposures == ExposureCounts(used=1, without_wheels=1)
     assert (after.wheels_doubted_ns, after.rejected) == (NEXT.stamp_ns, 0)
-    last = stepper.step.take(replace(doubted, rejected=RESET_AFTER - 1), _measured(aside))
-    assert last is not None
+    last = not_none(stepper.step.take(replace(doubted, rejected=RESET_AFTER - 1), _measured(aside)))
     assert last.exposures == ExposureCounts(used=1, rejected=1), "it starts anew, and trusts the wheels"
     assert last.wheels_doubted_ns is None
-    trusted = stepper.step.take(stepper.first, _measured(aside))
-    assert trusted is not None
+    trusted = not_none(stepper.step.take(stepper.first, _measured(aside)))
     assert trusted.exposures == ExposureCounts(used=1, rejected=1)
     assert (trusted.wheels_doubted_ns, trusted.rejected) == (None, 1)
 
 
 @pytest.mark.parametrize("clock", [False, True])
 def test_a_measured_pose_rests_on_the_wheels_about_it_only_where_the_clock_is_estimated(
-    target: TargetModel, scene: Scene, see: See, clock: bool
+    target: TargetModel, scene: Scene, clock: bool
 ) -> None:
     """Rows of a picture are exposed one after the other, so that a picture always does."""
     tolerances = replace(target.tolerances, clock_s=0.02) if clock else target.tolerances
-    stepper = Stepper(replace(target, tolerances=tolerances), scene, see)
+    stepper = Stepper(replace(target, tolerances=tolerances), scene)
     assert stepper.motion.learns_clock is clock
-    wheels = stepper.wheels.angles_at(NEXT.stamp_ns)
-    assert wheels is not None
+    wheels = not_none(stepper.wheels.angles_at(NEXT.stamp_ns))
     way = 0.5 * (wheels.left + wheels.right) * target.wheel_radius
     X = X_DU @ SE2(way, 0.0, 0.0)
     for measurement, rests in (
         (_measured(X), clock),
         (Detections(NEXT, see(pose_vector(X), target.port_tags), ()), True),
     ):
-        after = stepper.step.take(stepper.first, measurement)
-        assert after is not None
+        after = not_none(stepper.step.take(stepper.first, measurement))
         assert after.exposures == ExposureCounts(used=2)
         prior = stepper.motion.to_measurement(stepper.first, stepper.wheels, NEXT.stamp_ns)
         assert after.wheels_until_ns == (stepper.motion.wheels_until(prior) if rests else 0)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +24,8 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Detections, Exposure, PoseEstimate, PoseMeasurement, TagDetection
 from msrr_scenes.specs.scene import Scene
-from tests.conftest import pose_error
+from tests.conftest import not_none, pose_error
+from tests.perception.conftest import project
 
 X_DU = SE2(-0.6, 0.05, 0.1)
 EXPOSURE = Exposure("a/onboard", 0, 0)
@@ -40,20 +40,20 @@ def _built(target: TargetModel, mount: Array) -> TargetModel:
     return replace(target, X_UC=optical_pose(body_pose(target.X_UC) @ X_BX))
 
 
-def _tags(built: TargetModel, project: Callable[..., Any], ids: Iterable[int]) -> tuple[TagDetection, ...]:
+def _tags(built: TargetModel, ids: Iterable[int]) -> tuple[TagDetection, ...]:
     return tuple(TagDetection(i, project(built, pose_vector(X_DU), built.corners_D[i])[1]) for i in ids)
 
 
 @pytest.mark.parametrize("error", range(6), ids=["x", "y", "z", "roll", "pitch", "yaw"])
 def test_one_error_of_the_mount_is_one_deviation_of_the_first_pose_by_a_measured_pose(
-    target: TargetModel, scene: Scene, project: Callable[..., Any], error: int
+    target: TargetModel, scene: Scene, error: int
 ) -> None:
     """The camera is off by one standard deviation, and what that adds to the covariance is its square.
 
     An error of 0.3 deg acts to second order, too: a hundredth of a deviation is left for that.
     """
     mount = np.where(np.arange(6) == error, MOUNT, 0.0)
-    tags = _tags(_built(target, mount), project, target.port_tags)
+    tags = _tags(_built(target, mount), target.port_tags)
     told = replace(target, tolerances=replace(target.tolerances, camera=tuple(mount.tolist())))
     assert target.tolerances == Tolerances()
     estimates = []
@@ -61,8 +61,7 @@ def test_one_error_of_the_mount_is_one_deviation_of_the_first_pose_by_a_measured
         ekf, pose = CornerEkf(of, scene.odometry), joint_pose(of, tags)
         assert pose is not None
         ekf.add_pose(PoseMeasurement(EXPOSURE, pose.X_DU, 1e-8 * np.eye(3), (None, None)))
-        estimate = ekf.estimate(0)
-        assert estimate is not None
+        estimate = not_none(ekf.estimate(0))
         estimates.append(estimate)
     off = estimates[0].X_DU.as_array() - X_DU.as_array()
     added = estimates[0].covariance - estimates[1].covariance
@@ -74,7 +73,7 @@ def test_one_error_of_the_mount_is_one_deviation_of_the_first_pose_by_a_measured
 
 @pytest.mark.parametrize("count", [1, 3])
 def test_the_first_pose_by_corners_is_as_uncertain_as_it_is_wrong(
-    target: TargetModel, scene: Scene, project: Callable[..., Any], count: int
+    target: TargetModel, scene: Scene, count: int
 ) -> None:
     """Over 100 robots whose cameras are off by four times the above, and corners by 0.25 px.
 
@@ -88,8 +87,7 @@ def test_the_first_pose_by_corners_is_as_uncertain_as_it_is_wrong(
     for _ in range(100):
         built = _built(target, 4.0 * MOUNT * rng.normal(size=6))
         tags = tuple(
-            replace(tag, corners=tag.corners + rng.normal(0.0, sigma_px, (4, 2)))
-            for tag in _tags(built, project, ids)
+            replace(tag, corners=tag.corners + rng.normal(0.0, sigma_px, (4, 2))) for tag in _tags(built, ids)
         )
         ekf = CornerEkf(told, scene.odometry, corner_sigma_px=sigma_px, start_inflation=1.0)
         ekf.add_detections(Detections(EXPOSURE, tags, ()))
@@ -110,7 +108,7 @@ def _first(target: TargetModel, scene: Scene, tags: Sequence[TagDetection]) -> P
 
 @pytest.mark.parametrize("pose", [SE2(-0.6, 0.0, 0.0), SE2(-0.9, 0.02, 0.03), SE2(-0.6, 0.1, -0.1)], ids=str)
 def test_a_flat_tag_from_the_front_leaves_open_what_it_does_not_show(
-    target: TargetModel, scene: Scene, project: Callable[..., Any], pose: SE2
+    target: TargetModel, scene: Scene, pose: SE2
 ) -> None:
     """Its yaw by the curvature at the best point alone gave 6.4 and 5.8 in place of 3, over 120 exposures."""
     tag, rng, sigma_px = target.port_tags[1], np.random.default_rng(0), 0.15
@@ -120,8 +118,7 @@ def test_a_flat_tag_from_the_front_leaves_open_what_it_does_not_show(
         ekf = CornerEkf(target, scene.odometry, corner_sigma_px=sigma_px, start_inflation=1.0)
         seen = TagDetection(tag, corners + rng.normal(0.0, sigma_px, (4, 2)))
         ekf.add_detections(Detections(EXPOSURE, (seen,), ()))
-        estimate = ekf.estimate(0)
-        assert estimate is not None
+        estimate = not_none(ekf.estimate(0))
         off = estimate.X_DU.as_array() - pose.as_array()
         squares.append(float(off @ np.linalg.solve(estimate.covariance, off)))
     assert 1.0 < np.mean(squares) < 3.8
@@ -129,7 +126,7 @@ def test_a_flat_tag_from_the_front_leaves_open_what_it_does_not_show(
 
 @pytest.mark.parametrize("sigma_px", [0.03, 0.1, 0.5, 1.5])
 def test_tags_that_are_as_good_as_their_edges_tell_start_a_state(
-    target: TargetModel, scene: Scene, project: Callable[..., Any], sigma_px: float
+    target: TargetModel, scene: Scene, sigma_px: float
 ) -> None:
     """Robots waited for seconds before ports that they saw with small tags beside large ones."""
     rng, told = (
@@ -138,7 +135,7 @@ def test_tags_that_are_as_good_as_their_edges_tell_start_a_state(
     )
     for _ in range(40):
         tags = []
-        for k, tag in enumerate(_tags(_built(target, MOUNT * rng.normal(size=6)), project, target.port_tags)):
+        for k, tag in enumerate(_tags(_built(target, MOUNT * rng.normal(size=6)), target.port_tags)):
             sigma = sigma_px if k else 0.03
             off = rng.normal(0.0, sigma, (4, 2))
             tags.append(replace(tag, corners=tag.corners + off, corner_sigma_px=(sigma,) * 4))
@@ -147,7 +144,7 @@ def test_tags_that_are_as_good_as_their_edges_tell_start_a_state(
 
 @pytest.mark.parametrize(("sigma_px", "agree"), [(0.25, True), (1.5, False)])
 def test_tags_agree_whose_corners_are_off_by_the_noise_of_corners_however_good_their_edges_are(
-    target: TargetModel, scene: Scene, project: Callable[..., Any], sigma_px: float, agree: bool
+    target: TargetModel, scene: Scene, sigma_px: float, agree: bool
 ) -> None:
     """By what is assumed of all corners, 0.25 px, and not by the 0.03 px that the edges of these tell."""
     known, rng = DriveMotion(target, scene.odometry, DEFAULT_NOISE).prior, np.random.default_rng(6)
@@ -160,31 +157,26 @@ def test_tags_agree_whose_corners_are_off_by_the_noise_of_corners_however_good_t
                 corners=tag.corners + rng.normal(0.0, sigma_px, (4, 2)),
                 corner_sigma_px=np.full(4, 0.03),
             )
-            for tag in _tags(target, project, target.port_tags[:2])
+            for tag in _tags(target, target.port_tags[:2])
         ]
         assert bool(first.states(tags, known)) is agree
 
 
-def test_a_tag_in_the_wrong_place_is_left_out(
-    target: TargetModel, scene: Scene, project: Callable[..., Any]
-) -> None:
-    tags = list(_tags(target, project, target.port_tags))
+def test_a_tag_in_the_wrong_place_is_left_out(target: TargetModel, scene: Scene) -> None:
+    tags = list(_tags(target, target.port_tags))
     tags[1] = replace(tags[1], corners=tags[1].corners + np.array([25.0, -10.0]))
-    estimate = _first(target, scene, tags)
-    assert estimate is not None
+    estimate = not_none(_first(target, scene, tags))
     np.testing.assert_allclose(estimate.X_DU.as_array(), X_DU.as_array(), atol=1e-3)
     assert _first(target, scene, tags[:2]) is None  # two that disagree: nobody knows who is right
 
 
 @pytest.mark.parametrize("odd", range(3))
-def test_a_tag_that_is_left_out_is_as_good_as_not_there(
-    target: TargetModel, scene: Scene, project: Callable[..., Any], odd: int
-) -> None:
+def test_a_tag_that_is_left_out_is_as_good_as_not_there(target: TargetModel, scene: Scene, odd: int) -> None:
     """Also where other pairs agree well enough: of those the one that fits best is taken.
 
     By 1.5 px in some directions no three agree, but two pairs do.
     """
-    tags = _tags(target, project, target.port_tags)
+    tags = _tags(target, target.port_tags)
     rest = _first(target, scene, [tag for k, tag in enumerate(tags) if k != odd])
     every = _first(target, scene, tags)
     assert rest is not None
@@ -195,8 +187,7 @@ def test_a_tag_that_is_left_out_is_as_good_as_not_there(
             replace(tag, corners=tag.corners + np.array([off_px, 0.0])) if k == odd else tag
             for k, tag in enumerate(tags)
         ]
-        estimate = _first(target, scene, moved)
-        assert estimate is not None
+        estimate = not_none(_first(target, scene, moved))
         off = pose_error(estimate.X_DU, rest.X_DU)
         if np.array_equal(estimate.covariance, rest.covariance):
             left_out += 1
@@ -207,20 +198,16 @@ def test_a_tag_that_is_left_out_is_as_good_as_not_there(
     assert left_out >= 2
 
 
-def test_of_three_tags_that_all_disagree_none_is_believed(
-    target: TargetModel, scene: Scene, project: Callable[..., Any]
-) -> None:
-    tags = list(_tags(target, project, target.port_tags))
+def test_of_three_tags_that_all_disagree_none_is_believed(target: TargetModel, scene: Scene) -> None:
+    tags = list(_tags(target, target.port_tags))
     for k, off in ((0, [20.0, 10.0]), (1, [-25.0, 15.0])):
         tags[k] = replace(tags[k], corners=tags[k].corners + np.array(off))
     assert _first(target, scene, tags) is None
 
 
 @pytest.mark.parametrize("size_px", [0.0, 1e-9, 1e-3])
-def test_a_tag_without_a_size_starts_nothing(
-    target: TargetModel, scene: Scene, project: Callable[..., Any], size_px: float
-) -> None:
-    (tag,) = _tags(target, project, target.port_tags[:1])
+def test_a_tag_without_a_size_starts_nothing(target: TargetModel, scene: Scene, size_px: float) -> None:
+    (tag,) = _tags(target, target.port_tags[:1])
     middle = tag.corners.mean(axis=0)
     small = replace(tag, corners=middle + size_px * (tag.corners - middle) / np.ptp(tag.corners))
     assert _first(target, scene, [small]) is None
@@ -233,10 +220,10 @@ def _fit(target: TargetModel, corner_sigma_px: float, tilt_sigma: float = 1e-3) 
 
 @pytest.mark.parametrize("tilt_sigma", [1e-4, 1e-3])
 def test_a_tilt_that_corners_do_not_tell_is_known_as_it_was_before(
-    target: TargetModel, scene: Scene, project: Callable[..., Any], tilt_sigma: float
+    target: TargetModel, scene: Scene, tilt_sigma: float
 ) -> None:
     known = DriveMotion(target, scene.odometry, DEFAULT_NOISE).prior
-    (state,) = _fit(target, 100.0, tilt_sigma).states(_tags(target, project, target.port_tags), known)
+    (state,) = _fit(target, 100.0, tilt_sigma).states(_tags(target, target.port_tags), known)
     np.testing.assert_allclose(np.sqrt(np.diag(state.covariance)[3:5]), tilt_sigma, rtol=1e-2)
     np.testing.assert_allclose(state.mean[3:5], 0.0, atol=0.01 * tilt_sigma)
     np.testing.assert_allclose(state.covariance[5:, 5:], known.covariance, rtol=1e-3, atol=1e-9)
@@ -244,10 +231,10 @@ def test_a_tilt_that_corners_do_not_tell_is_known_as_it_was_before(
 
 @pytest.mark.parametrize("which", range(3))
 def test_a_single_tag_starts_a_state_at_each_pose_at_which_it_looks_alike(
-    target: TargetModel, scene: Scene, project: Callable[..., Any], which: int
+    target: TargetModel, scene: Scene, which: int
 ) -> None:
     known = DriveMotion(target, scene.odometry, DEFAULT_NOISE).prior
-    (tag,) = tags = _tags(target, project, target.port_tags[which : which + 1])
+    (tag,) = tags = _tags(target, target.port_tags[which : which + 1])
     states = _fit(target, 3.0).states(tags, known)
     for X in one_tag_poses(target, tag):
         off = [pose_error(SE2(*state.mean[:3].tolist()), X) for state in states]
@@ -265,13 +252,13 @@ def test_tags_agree_up_to_twice_the_freedom_of_their_corners() -> None:
 
 @pytest.mark.parametrize("seed", [75, 90, 140])
 def test_a_tag_whose_corners_are_in_an_order_that_no_tag_has_starts_states_that_say_where_the_unit_is(
-    scene: Scene, project: Callable[..., Any], seed: int
+    scene: Scene, seed: int
 ) -> None:
     """Or none: in these cases a fit ends where the corners say nothing, or no fit has a solution."""
     told = Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": "careful"}).told()
     target, rng = TargetModel.from_scene(told, told.docks[0]), np.random.default_rng(seed)
     known = DriveMotion(target, told.odometry, DEFAULT_NOISE).prior
-    (tag,) = _tags(target, project, [target.port_tags[seed % 3]])
+    (tag,) = _tags(target, [target.port_tags[seed % 3]])
     middle = tag.corners.mean(axis=0)
     mixed = middle + 10 ** rng.uniform(-3.0, 0.0) * (rng.permutation(tag.corners) - middle)
     for state in _fit(target, 0.25).states([replace(tag, corners=mixed)], known):
@@ -280,9 +267,7 @@ def test_a_tag_whose_corners_are_in_an_order_that_no_tag_has_starts_states_that_
 
 
 @pytest.mark.parametrize("built", ["careful", "perfect"])
-def test_any_corners_start_a_finite_state_or_none(
-    scene: Scene, project: Callable[..., Any], built: str
-) -> None:
+def test_any_corners_start_a_finite_state_or_none(scene: Scene, built: str) -> None:
     """Corners that are off by 0.1 to 100 px, or in another order."""
     told = Scene.model_validate({**scene.model_dump(exclude={"as_built"}), "as_built": built}).told()
     target, rng = TargetModel.from_scene(told, told.docks[0]), np.random.default_rng(3)
@@ -292,7 +277,7 @@ def test_any_corners_start_a_finite_state_or_none(
         off_px, order = 10 ** rng.uniform(-1.0, 2.0), rng.permutation(4) if rng.random() < 0.3 else range(4)
         tags = [
             replace(tag, corners=(tag.corners + rng.normal(0.0, off_px, (4, 2)))[list(order)])
-            for tag in _tags(target, project, map(int, ids))
+            for tag in _tags(target, map(int, ids))
         ]
         estimate = _first(target, told, tags)
         if estimate is not None:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import permutations
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +17,8 @@ from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, ExposureCounts, PoseEstimate, TagDetection
 from msrr_scenes.specs.scene import Scene
-from tests.conftest import pose_error
+from tests.conftest import not_none, pose_error
+from tests.perception.conftest import project
 
 PERIOD_NS = 40_000_000
 SIGMA_PX = 0.5
@@ -31,7 +31,7 @@ Look = Callable[[SE2, int, int], Detections]
 
 
 @pytest.fixture
-def look(target: TargetModel, project: Callable[..., Any]) -> Look:
+def look(target: TargetModel) -> Look:
     """Return how the k-th exposure shows one tag from a pose."""
     rng = np.random.default_rng(5)
 
@@ -95,8 +95,7 @@ def test_exposures_in_any_order_leave_the_same_poses_open(
         ekf = CornerEkf(target, scene.odometry, corner_sigma_px=SIGMA_PX)
         for detections in order:
             ekf.add_detections(detections)
-        estimate = ekf.predict(3 * PERIOD_NS)
-        assert estimate is not None
+        estimate = not_none(ekf.predict(3 * PERIOD_NS))
         found.append((estimate.X_DU, estimate.covariance.tobytes()))
     assert math.sqrt(estimate.covariance[2, 2]) > math.radians(3.0)
     assert all(one == found[0] for one in found)
@@ -115,8 +114,7 @@ def test_exposures_that_agree_with_no_pose_leave_open_what_was(
             tags = (replace(one, corners=one.corners + 100.0), replace(two, corners=two.corners - 80.0))
             seen = replace(seen, tags=tags)
         ekf.add_detections(seen)
-        estimate = ekf.predict(k * PERIOD_NS)
-        assert estimate is not None
+        estimate = not_none(ekf.predict(k * PERIOD_NS))
         sigmas.append(math.degrees(math.sqrt(estimate.covariance[2, 2])))
     assert ekf.exposures == ExposureCounts(used=2, rejected=5)
     assert sigmas[1] > 3.0

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -14,11 +13,10 @@ from msrr_scenes.geometry.distortion import Distortion
 from msrr_scenes.geometry.lens import Lens
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
-from msrr_scenes.messages import Detections, Exposure, LosStatus, PoseMeasurement, TagDetection
+from msrr_scenes.messages import Detections, Exposure, LosStatus, PoseMeasurement
 from msrr_scenes.specs.scene import Scene
+from tests.perception.conftest import make_drive, see
 
-See = Callable[..., tuple[TagDetection, ...]]
-MakeDrive = Callable[..., Any]
 MS = 1_000_000
 
 
@@ -47,7 +45,7 @@ def test_bearings_of_a_camera_that_leans_are_those_in_its_own_frame(leaning: Tar
         np.testing.assert_allclose(edge_bearings(leaning, X), np.arctan2(-p_C[:, 0], p_C[:, 2]), atol=1e-12)
 
 
-def test_bearings_from_the_image_are_those_of_the_geometry(target: TargetModel, see: See) -> None:
+def test_bearings_from_the_image_are_those_of_the_geometry(target: TargetModel) -> None:
     exposure = Exposure("a/onboard", 0, 0)
     for X in _poses(100):
         detections = Detections(exposure, see(pose_vector(X), target.port_tags), ())
@@ -56,7 +54,7 @@ def test_bearings_from_the_image_are_those_of_the_geometry(target: TargetModel, 
         )
 
 
-def test_bearing_noise_is_what_the_pixels_give(target: TargetModel, see: See) -> None:
+def test_bearing_noise_is_what_the_pixels_give(target: TargetModel) -> None:
     """0.3 px corners, two to an edge: 0.21 px = 0.03 degrees in mid-image; 300 views, 5 sigma."""
     rng, X, n = np.random.default_rng(1), SE2(-0.6, 0.0, 0.0), 300
     exact = np.array(edge_bearings(target, X))
@@ -100,7 +98,7 @@ def _turning(X: SE2) -> tuple[float, float]:
     return 0.05, 0.3
 
 
-def test_seen_edges_are_carried_to_now(target: TargetModel, scene: Scene, make_drive: MakeDrive) -> None:
+def test_seen_edges_are_carried_to_now(target: TargetModel, scene: Scene) -> None:
     """Turning with 0.3 rad/s and 120 ms latency: stale angles would be 0.036 rad off."""
     drive = make_drive(0, X_DU=SE2(-0.7, 0.0, -0.35), speed=_turning)
     ekf, los = _following(target, scene, drive, 120)
@@ -110,9 +108,7 @@ def test_seen_edges_are_carried_to_now(target: TargetModel, scene: Scene, make_d
     assert seen.margin == target.lens.half_fov - max(abs(seen.left), abs(seen.right))
 
 
-def test_the_margin_is_that_to_the_nearer_border_of_the_frame(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
-) -> None:
+def test_the_margin_is_that_to_the_nearer_border_of_the_frame(target: TargetModel, scene: Scene) -> None:
     """A lens that shows 31 deg to the left and 40 deg to the right, with the target ahead."""
     drive = make_drive(0, X_DU=SE2(-0.7, 0.0, -0.35), speed=_turning)
     ekf, los = _following(target, scene, drive, 120)
@@ -127,7 +123,7 @@ def test_the_margin_is_that_to_the_nearer_border_of_the_frame(
 
 
 def test_without_compensation_the_angles_are_those_of_the_last_exposure(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
+    target: TargetModel, scene: Scene
 ) -> None:
     drive = make_drive(0, X_DU=SE2(-0.7, 0.0, -0.35), speed=_turning)
     ekf, los = _following(target, scene, drive, 120, delay_compensation=False)
@@ -138,9 +134,7 @@ def test_without_compensation_the_angles_are_those_of_the_last_exposure(
     assert 0.03 < lag < 0.06
 
 
-def test_an_edge_out_of_view_is_predicted_then_all_is_lost(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
-) -> None:
+def test_an_edge_out_of_view_is_predicted_then_all_is_lost(target: TargetModel, scene: Scene) -> None:
     drive = make_drive(1)
     ekf, los = _following(target, scene, drive, 100)
     drive.tags = target.port_tags[1:]  # the left tag is hidden
@@ -157,7 +151,7 @@ def test_an_edge_out_of_view_is_predicted_then_all_is_lost(
     np.testing.assert_allclose([lost.left, lost.right], edge_bearings(target, drive.X_DU), atol=0.02)
 
 
-def test_tags_seen_in_turn_count_as_seen(target: TargetModel, scene: Scene, make_drive: MakeDrive) -> None:
+def test_tags_seen_in_turn_count_as_seen(target: TargetModel, scene: Scene) -> None:
     """Close up, one frame shows the left tag and the next one the right tag."""
     drive = make_drive(2, X_DU=SE2(-0.3, 0.0, 0.0))
     ekf, los = _following(target, scene, drive, 20)
@@ -167,9 +161,7 @@ def test_tags_seen_in_turn_count_as_seen(target: TargetModel, scene: Scene, make
         assert los.observe(drive.now_ns, ekf).status is LosStatus.SEEN
 
 
-def test_a_camera_with_a_long_latency_sees_the_target(
-    target: TargetModel, scene: Scene, make_drive: MakeDrive
-) -> None:
+def test_a_camera_with_a_long_latency_sees_the_target(target: TargetModel, scene: Scene) -> None:
     """0.7 s late every picture is older than half a second: the target was lost all the time."""
     late = replace(target, latency_s=0.7)
     drive = make_drive(3, speed=_turning)
@@ -214,7 +206,7 @@ def test_bearings_of_ready_made_measurements_are_taken_as_seen(target: TargetMod
     assert los.observe(0, ekf).status is LosStatus.PREDICTED
 
 
-def test_an_older_picture_does_not_replace_a_newer_one(target: TargetModel, scene: Scene, see: See) -> None:
+def test_an_older_picture_does_not_replace_a_newer_one(target: TargetModel, scene: Scene) -> None:
     ekf, los = CornerEkf(target, scene.odometry), LosEstimator(target)
     for frame, X in ((2, SE2(-0.5, 0.0, 0.0)), (1, SE2(-0.5, 0.0, 0.1))):
         picture = Detections(Exposure("a/onboard", frame, frame), see(pose_vector(X), target.port_tags), ())

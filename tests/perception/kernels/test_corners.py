@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -17,13 +14,12 @@ from msrr_perception.pose.corner_errors import corners_by_sections
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.specs.scene import Scene
-
-See = Callable[..., Any]
+from tests.perception.conftest import see
 
 
 @pytest.mark.parametrize(("speed", "repeated"), [(0.0, 250.0), (1e-3, None), (1.0, 1.0)])
 def test_what_stays_the_same_counts_by_the_number_of_exposures_that_it_lasts(
-    scene: Scene, see: See, speed: float, repeated: float | None
+    scene: Scene, speed: float, repeated: float | None
 ) -> None:
     """Errors by the place between pixels last for half a pixel of motion, and at most 250 exposures.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
@@ -12,15 +12,13 @@ from msrr_perception.kernels.edge_errors import edge_blur
 from msrr_perception.kernels.edges import refine_corners
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels
+from tests.perception.conftest import plate, warp
 
 #: Blur of what ``warp`` draws [px].
 DRAWN_PX = 0.4
 
-Warp = Callable[..., Pixels]
-Plate = Callable[[int], Pixels]
 
-
-def drawn(size_px: float, views: int, plate: Plate, warp: Warp) -> Iterator[tuple[np.ndarray, Pixels]]:
+def drawn(size_px: float, views: int) -> Iterator[tuple[np.ndarray, Pixels]]:
     """Yield corners and pictures of tags at any angle, a third of them along the rows of pixels."""
     rng = np.random.default_rng(round(10 * size_px))
     edge = int(1.7 * size_px) + 12
@@ -42,12 +40,10 @@ def seen(picture: Pixels, blur_px: float, noise_grey: float, rng: np.random.Gene
     return np.clip(np.rint(10.0 + 0.8 * blurred + noise), 0, 255).astype(np.uint8)
 
 
-def normalised(
-    size_px: float, views: int, plate: Plate, warp: Warp, told: bool
-) -> dict[tuple[float, float], float]:
+def normalised(size_px: float, views: int, told: bool) -> dict[tuple[float, float], float]:
     """Return the RMS of errors by their deviations, by blur [px] and noise [grey levels]."""
     rng, errors = np.random.default_rng(3), {(b, n): [] for b in (0.65, 1.0) for n in (2.0, 8.0)}
-    for square, picture in drawn(size_px, views, plate, warp):
+    for square, picture in drawn(size_px, views):
         guess = square + rng.normal(0.0, 0.2, (4, 2))
         for (blur, noise), found in errors.items():
             refined = refine_corners(
@@ -61,19 +57,17 @@ def normalised(
 
 @pytest.mark.parametrize("told", [False, True])
 @pytest.mark.parametrize("size_px", [20.0, 60.0])
-def test_errors_are_as_large_as_stated(size_px: float, told: bool, plate: Plate, warp: Warp) -> None:
+def test_errors_are_as_large_as_stated(size_px: float, told: bool) -> None:
     """Over 60 views it is 0.4 to 1.2. Twelve have some 50 independent errors: a tenth of it is chance."""
-    assert all(0.3 < rms < 1.6 for rms in normalised(size_px, 12, plate, warp, told).values())
+    assert all(0.3 < rms < 1.6 for rms in normalised(size_px, 12, told).values())
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("told", [False, True])
 @pytest.mark.parametrize("size_px", [15.0, 20.0, 30.0, 45.0, 70.0, 120.0])
-def test_errors_are_as_large_as_stated_at_all_sizes(
-    size_px: float, told: bool, plate: Plate, warp: Warp
-) -> None:
+def test_errors_are_as_large_as_stated_at_all_sizes(size_px: float, told: bool) -> None:
     """Of 60 views, with some 240 independent errors, the RMS strays by 5 %; measured 0.44 to 1.24."""
-    found = normalised(size_px, 60, plate, warp, told)
+    found = normalised(size_px, 60, told)
     print(
         f"\n{size_px:g} px, {told=}:",
         *(f"{rms:.2f} at blur {b}, noise {n:g};" for (b, n), rms in found.items()),
@@ -81,9 +75,9 @@ def test_errors_are_as_large_as_stated_at_all_sizes(
     assert all(0.4 < rms < 1.4 for rms in found.values())
 
 
-def test_corners_at_a_damaged_edge_are_less_sure(plate: Plate, warp: Warp) -> None:
+def test_corners_at_a_damaged_edge_are_less_sure() -> None:
     """Dirt along one edge of a tag: its two corners are several times less sure, the others as before."""
-    (square, picture), rng = next(drawn(60.0, 1, plate, warp)), np.random.default_rng(4)
+    (square, picture), rng = next(drawn(60.0, 1)), np.random.default_rng(4)
     clean = seen(picture, 0.65, 2.0, rng)
     dirty = clean.copy()
     for share in np.linspace(0.15, 0.85, 6):
@@ -101,10 +95,3 @@ def test_the_width_of_an_edge_tells_its_blur(blur_px: float) -> None:
     share = edge / edge[-1]
     overlap = float((share * (1.0 - share)).sum() * (x[1] - x[0]))
     assert edge_blur(overlap, 3.0) == pytest.approx(blur_px, rel=0.06)
-
-
-def test_tags_that_are_not_measured_have_no_deviations(plate: Plate, warp: Warp) -> None:
-    square, picture = next(drawn(60.0, 1, plate, warp))
-    refined = refine_corners(np.full_like(picture, 90), square[None])
-    assert not refined.measured[0]
-    assert np.isnan(refined.sigma_px).all()

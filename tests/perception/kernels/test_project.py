@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
 from msrr_perception.kernels.project import predict_tags
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
+from tests.perception.conftest import jacobian, project
 
 
 def _poses(n: int) -> np.ndarray:
@@ -20,7 +19,7 @@ def _poses(n: int) -> np.ndarray:
 
 @pytest.mark.parametrize("camera", ["target", "leaning"])
 def test_pixels_equal_the_chain_of_frames_and_derivatives_equal_central_differences(
-    camera: str, project: Callable, jacobian: Callable, request: pytest.FixtureRequest
+    camera: str, request: pytest.FixtureRequest
 ) -> None:
     by: TargetModel = request.getfixturevalue(camera)
     points = np.concatenate([by.corners_D[t] for t in by.port_tags])
@@ -36,15 +35,13 @@ def test_pixels_equal_the_chain_of_frames_and_derivatives_equal_central_differen
             np.testing.assert_allclose(J[:, i], numeric, rtol=1e-5, atol=1e-3)
 
 
-def test_points_behind_the_camera_stay_finite(target: TargetModel, jacobian: Callable) -> None:
+def test_points_behind_the_camera_stay_finite(target: TargetModel) -> None:
     pixels, J = jacobian(np.array([1.0, 0.0, 0.0, 0.0, 0.0]), target.corners_D[target.port_tags[0]])
     assert np.all(np.isfinite(pixels))
     assert np.all(np.isfinite(J))
 
 
-def test_tags_are_expected_where_they_can_be_read(
-    target: TargetModel, project: Callable, jacobian: Callable
-) -> None:
+def test_tags_are_expected_where_they_can_be_read(target: TargetModel) -> None:
     rng, camera = np.random.default_rng(3), target.camera
     counts = {True: 0, False: 0}
     for _ in range(200):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,8 +18,8 @@ from msrr_perception.pose.joint_pose import CornerNoise
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.messages import Detections, Exposure, TagDetection
 from msrr_scenes.specs.scene import Scene
+from tests.perception.conftest import see
 
-See = Callable[..., Any]
 GATE = 0.9999
 EXPOSURE = Exposure("a/onboard", 0, 0)
 
@@ -106,7 +104,7 @@ def _prior(target: TargetModel, rng: np.random.Generator) -> FilterState:
 
 
 @pytest.mark.parametrize(("grade", "readout_ms"), [("perfect", 0.0), ("careful", 0.0), ("careful", 30.0)])
-def test_the_update_is_that_of_plain_numpy(scene: Scene, see: See, grade: str, readout_ms: float) -> None:
+def test_the_update_is_that_of_plain_numpy(scene: Scene, grade: str, readout_ms: float) -> None:
     """One to five tags, with and without measured deviations, one of them far off in a third of the cases."""
     given = {"as_built": grade, "cameras": {"onboard": {"rolling_shutter_ms": readout_ms}}}
     built = Scene.model_validate({**scene.model_dump(exclude=set(given)), **given})
@@ -142,7 +140,7 @@ def test_the_update_is_that_of_plain_numpy(scene: Scene, see: See, grade: str, r
     assert gated > 5
 
 
-def test_where_a_step_does_not_descend_the_fit_is_damped(scene: Scene, see: See) -> None:
+def test_where_a_step_does_not_descend_the_fit_is_damped(scene: Scene) -> None:
     """A unit that hardly knows where it is sees three tags: without damping the steps overshoot."""
     target = TargetModel.from_scene(scene, scene.docks[0])
     update = CornerUpdate(target, None, CornerNoise().tilt_sigma, GATE, 2.0)

@@ -231,16 +231,6 @@ def start(refines_lens: bool) -> tuple[Bundle, Sightings]:
     return replace(initial_bundle(seen, LENS, TAG_SIZE), refines_lens=refines_lens), seen
 
 
-def test_derivatives_are_those_of_the_residuals() -> None:
-    bundle, seen = start(refines_lens=True)
-    jacobian = bundle.jacobian(seen).toarray()
-    for column in range(bundle.variables):
-        step = np.zeros(bundle.variables)
-        step[column] = 1e-6
-        slope = (bundle.moved(step).residuals(seen) - bundle.moved(-step).residuals(seen)) / 2e-6
-        np.testing.assert_allclose(jacobian[:, column], slope, atol=1e-6 * np.abs(slope).max())
-
-
 @pytest.mark.parametrize("scale_px", [0.1, math.inf])
 def test_least_squares_agree_with_those_of_scipy(scale_px: float) -> None:
     """scipy's solver, started off the result, returns to it."""

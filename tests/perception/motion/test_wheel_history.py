@@ -76,20 +76,6 @@ def test_late_readings_find_their_place_and_repeated_ones_do_nothing() -> None:
         assert mixed.angles_at(t * MS) == ordered.angles_at(t * MS)
 
 
-def test_late_readings_tell_how_far_wheels_have_turned_one_way() -> None:
-    """It is learned late that the left wheel turned back for a moment, and the right one 5 ms later."""
-    rows = [(0, 0.0, 0.0), (10, 1.0, 1.0), (20, 1.5, 0.8), (30, 2.0, 0.7), (15, 0.9, 1.2)]
-    ordered, mixed = _history(*sorted(rows)), _history(*rows)
-    for t in (10, 15, 20, 30):
-        a, b = (history.angles_at(t * MS) for history in (ordered, mixed))
-        assert a is not None
-        assert b is not None
-        assert (a.since_left, a.since_right) == (b.since_left, b.since_right)
-    last = mixed.angles_at(30 * MS)
-    assert last is not None
-    np.testing.assert_allclose([last.since_left, last.since_right], [1.1, 0.5])
-
-
 def test_readings_in_any_order_tell_the_same() -> None:
     rows = [(0, 0.0, 0.0), (10, 1.0, 1.0), (15, 0.9, 1.2), (20, 1.5, 0.8)]
     ordered = _history(*rows)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Pixels
+from tests.perception.conftest import plate, warp
 
 SIZE = Window(0, 0, 240, 180)
 SQUARES = {
@@ -18,7 +17,7 @@ SQUARES = {
 
 
 @pytest.fixture(scope="session")
-def two_tags(plate: Callable[[int], Pixels], warp: Callable[..., Pixels]) -> Pixels:
+def two_tags() -> Pixels:
     """A picture of the tags 3 and 7, whose corners are :data:`SQUARES`."""
     return warp(SIZE, [(plate(tag), corners) for tag, corners in SQUARES.items()])
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -185,9 +184,7 @@ def test_damaged_files_are_read_or_refused(tmp_path: Path, two_tags: Pixels) -> 
 
 
 @pytest.mark.nightly
-def test_two_thousand_damaged_files_are_read_or_refused(
-    tmp_path: Path, plate: Callable[[int], Pixels], two_tags: Pixels
-) -> None:
+def test_two_thousand_damaged_files_are_read_or_refused(tmp_path: Path, two_tags: Pixels) -> None:
     assert 0 < _fuzz(tmp_path, two_tags, 2000) < 2000
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +18,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import tag_corners
 from msrr_scenes.loading.load import load_scene
+from tests.perception.conftest import project
 
 #: Errors of a scene, one after the other, and the largest error of the first-order projection [px].
 GROUPS = {
@@ -129,9 +129,7 @@ def test_derivatives_are_those_of_the_projection(leans: tuple[float, float, floa
             assert np.abs(found - J[:, column]).max() < 0.01 * max(np.abs(found).max(), 1.0), (tag, column)
 
 
-def test_without_errors_a_tag_is_projected_as_by_the_chain_of_frames(
-    leaning: TargetModel, project: Callable
-) -> None:
+def test_without_errors_a_tag_is_projected_as_by_the_chain_of_frames(leaning: TargetModel) -> None:
     for pitch, roll in ((0.0, 0.0), (0.15, -0.2), (-0.1, 0.25)):
         state = np.zeros(leaning.filter_layout.size)
         state[:5] = pose_vector(X_DU, pitch, roll)

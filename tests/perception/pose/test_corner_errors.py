@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -12,8 +11,8 @@ from msrr_perception.kernels.edges import SECTIONS, SQUARES, refine_corners
 from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
 from msrr_perception.pose.corner_errors import CornerErrors, corners_by_sections
 from msrr_scenes.geometry.pinhole import Window
-from msrr_scenes.messages import Pixels
 from msrr_scenes.specs.sensors import CameraSpec
+from tests.perception.conftest import plate, warp
 
 
 def square(edge_px: float, yaw: float = 0.0) -> np.ndarray:
@@ -57,9 +56,7 @@ def test_each_coordinate_of_a_corner_has_the_variance_that_its_edges_give_it(yaw
 
 
 @pytest.mark.parametrize(("edge_px", "noise"), [(30.0, 2.0), (42.0, 2.0), (42.0, 8.0), (66.0, 8.0)])
-def test_noise_moves_refined_corners_as_much_as_stated(
-    edge_px: float, noise: float, warp: Callable[..., Pixels], plate: Callable[[int], Pixels]
-) -> None:
+def test_noise_moves_refined_corners_as_much_as_stated(edge_px: float, noise: float) -> None:
     """60 noisy copies of each of 5 pictures: the deviation of the corners is right to a quarter.
 
     The 2400 coordinates are 40 per picture that depend on 8 numbers, so that their RMS has a standard

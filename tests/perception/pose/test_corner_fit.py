@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -11,6 +9,7 @@ from msrr_perception.kernels.corners import WeightedCorners
 from msrr_perception.pose.corner_fit import equally_weighted, fit_corners
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.messages import TagDetection
+from tests.perception.conftest import jacobian, project
 
 
 def _view(target: TargetModel, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -26,9 +25,7 @@ def _seen(target: TargetModel, pixels: np.ndarray) -> WeightedCorners:
     return equally_weighted(target, tags, 0.25)
 
 
-def test_a_fit_ends_where_the_gradient_vanishes(
-    target: TargetModel, project: Callable, jacobian: Callable
-) -> None:
+def test_a_fit_ends_where_the_gradient_vanishes(target: TargetModel) -> None:
     """Gradient and covariance are worked out by numpy from the projection and its derivatives."""
     rng = np.random.default_rng(0)
     for _ in range(20):
@@ -48,7 +45,7 @@ def test_a_fit_ends_where_the_gradient_vanishes(
         np.testing.assert_allclose(found.covariance @ H, np.eye(5), atol=1e-6)
 
 
-def test_a_direction_left_open_is_an_error(target: TargetModel, project: Callable) -> None:
+def test_a_direction_left_open_is_an_error(target: TargetModel) -> None:
     pose, points = _view(target, np.random.default_rng(1))
     pixels = project(target, pose, points)[1].reshape(-1)
     with pytest.raises(np.linalg.LinAlgError, match="open"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -13,9 +13,9 @@ from msrr_perception.pose.joint_pose import CornerNoise, joint_fits, joint_pose,
 from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import TagDetection
-from tests.conftest import pose_error
+from tests.conftest import not_none, pose_error
+from tests.perception.conftest import jacobian, see
 
-See = Callable[..., tuple[TagDetection, ...]]
 NOISE = CornerNoise(corner_sigma_px=0.3, tilt_sigma=math.radians(0.3))
 
 
@@ -34,11 +34,10 @@ def _gap(target: TargetModel, tags: Sequence[TagDetection]) -> float:
     return min((other.cost - best.cost for other in others), default=math.inf)
 
 
-def test_noiseless_corners_give_the_exact_pose_from_everywhere(target: TargetModel, see: See) -> None:
+def test_noiseless_corners_give_the_exact_pose_from_everywhere(target: TargetModel) -> None:
     for X in _poses(60, 0):
         for tags in (target.port_tags, target.port_tags[:2], target.port_tags[1:]):
-            pose = joint_pose(target, see(pose_vector(X), tags))
-            assert pose is not None
+            pose = not_none(joint_pose(target, see(pose_vector(X), tags)))
             np.testing.assert_allclose(pose_error(pose.X_DU, X), 0.0, atol=1e-6)
 
 
@@ -56,7 +55,7 @@ def test_the_largest_tag_is_that_of_the_largest_area_however_it_is_turned() -> N
     assert largest_tag([low, high]) is largest_tag([high, low]) is low
 
 
-def test_a_tilt_beyond_its_prior_is_found_from_three_tags(target: TargetModel, see: See) -> None:
+def test_a_tilt_beyond_its_prior_is_found_from_three_tags(target: TargetModel) -> None:
     X, wide = SE2(-0.4, 0.03, 0.1), CornerNoise(0.3, math.radians(5.0))
     (found,) = joint_fits(target, see(pose_vector(X, 0.02, -0.015), target.port_tags), wide)
     np.testing.assert_allclose(found.state, pose_vector(X, 0.02, -0.015), atol=1e-3)
@@ -85,9 +84,7 @@ def test_corners_that_are_those_of_no_tag_give_a_finite_pose_or_none(target: Tar
     assert none > 0, "some are refused"
 
 
-def test_corners_in_the_order_of_another_library_give_a_finite_pose_or_none(
-    target: TargetModel, see: See
-) -> None:
+def test_corners_in_the_order_of_another_library_give_a_finite_pose_or_none(target: TargetModel) -> None:
     """Turned by 180 degrees, as OpenCV has them, three tags ended in a LinAlgError."""
     rng = np.random.default_rng(1)
     for _ in range(60):
@@ -98,7 +95,7 @@ def test_corners_in_the_order_of_another_library_give_a_finite_pose_or_none(
             assert pose is None or np.isfinite(pose.covariance).all()
 
 
-def test_order_of_tags_does_not_matter(target: TargetModel, see: See) -> None:
+def test_order_of_tags_does_not_matter(target: TargetModel) -> None:
     tags = see(pose_vector(SE2(-0.5, 0.05, -0.1)), target.port_tags, np.random.default_rng(1))
     a, b = joint_pose(target, tags), joint_pose(target, tags[::-1])
     assert a is not None
@@ -108,7 +105,7 @@ def test_order_of_tags_does_not_matter(target: TargetModel, see: See) -> None:
 
 @pytest.mark.parametrize("distance", [0.2, 0.4, 0.7])
 def test_covariance_is_honest_and_errors_are_at_the_cramer_rao_bound(
-    target: TargetModel, see: See, jacobian: Callable, distance: float
+    target: TargetModel, distance: float
 ) -> None:
     """0.3 px corners and 0.3 degrees of tilt, 300 poses.
 
@@ -121,19 +118,18 @@ def test_covariance_is_honest_and_errors_are_at_the_cramer_rao_bound(
     for _ in range(n):
         X = SE2(-distance, rng.uniform(-0.1, 0.1) * distance, rng.uniform(-0.2, 0.2))
         truth = pose_vector(X, *rng.normal(0.0, NOISE.tilt_sigma, 2))
-        pose = joint_pose(target, see(truth, target.port_tags, rng), NOISE)
-        assert pose is not None
+        pose = not_none(joint_pose(target, see(truth, target.port_tags, rng), NOISE))
         e = pose_error(pose.X_DU, X)
         nees += float(e @ np.linalg.solve(pose.covariance, e))
         errors.append(e)
-        bounds.append(np.diag(_cramer_rao(target, truth, jacobian)))
+        bounds.append(np.diag(_cramer_rao(target, truth)))
     low, high = chi2.ppf([5e-7, 1 - 5e-7], 3 * n)
     assert low < nees < high
     ratio = np.sqrt(np.mean(np.square(errors), axis=0) / np.mean(bounds, axis=0))
     assert np.all((ratio > 0.8) & (ratio < 1.2)), ratio
 
 
-def _cramer_rao(target: TargetModel, truth: np.ndarray, jacobian: Callable) -> np.ndarray:
+def _cramer_rao(target: TargetModel, truth: np.ndarray) -> np.ndarray:
     points = np.concatenate([target.corners_D[t] for t in target.port_tags])
     J = jacobian(truth, points)[1]
     information = J.T @ J / NOISE.corner_sigma_px**2
@@ -142,7 +138,7 @@ def _cramer_rao(target: TargetModel, truth: np.ndarray, jacobian: Callable) -> n
     return np.asarray(np.linalg.inv(information)[:3, :3])
 
 
-def test_one_flat_tag_leaves_two_poses_and_the_floor_tells_them_apart(target: TargetModel, see: See) -> None:
+def test_one_flat_tag_leaves_two_poses_and_the_floor_tells_them_apart(target: TargetModel) -> None:
     """IPPE returns two; noiseless, the joint pose picks the true one, which is not always IPPE's first."""
     for X in _poses(60, 5, 0.3, 0.8):
         for tag in target.port_tags:
@@ -151,14 +147,11 @@ def test_one_flat_tag_leaves_two_poses_and_the_floor_tells_them_apart(target: Ta
             assert len(candidates) == 2
             errors = [np.abs(pose_error(c, X)).max() for c in candidates]
             assert min(errors) < 1e-4
-            pose = joint_pose(target, [detection])
-            assert pose is not None
+            pose = not_none(joint_pose(target, [detection]))
             np.testing.assert_allclose(pose_error(pose.X_DU, X), 0.0, atol=1e-4)
 
 
-def test_an_ambiguous_view_is_reported_and_its_covariance_covers_both_poses(
-    target: TargetModel, see: See
-) -> None:
+def test_an_ambiguous_view_is_reported_and_its_covariance_covers_both_poses(target: TargetModel) -> None:
     """The mast tag alone, frontal, 0.8 m away: of 300 noisy views the wrong pose wins many, and says so.
 
     With an honest covariance NEES exceeds 25 with odds 1.5e-5 a view; 15 are allowed for the two-peaked
@@ -171,8 +164,7 @@ def test_an_ambiguous_view_is_reported_and_its_covariance_covers_both_poses(
     for _ in range(300):
         X = SE2(-0.8, rng.uniform(-0.05, 0.05), rng.uniform(-0.1, 0.1))
         tags = see(pose_vector(X), [mast], rng)
-        pose = joint_pose(target, tags, NOISE)
-        assert pose is not None
+        pose = not_none(joint_pose(target, tags, NOISE))
         e = pose_error(pose.X_DU, X)
         bad += float(e @ np.linalg.solve(pose.covariance, e)) > 25.0
         ambiguous += _gap(target, tags) < 9.0
@@ -184,13 +176,13 @@ def test_an_ambiguous_view_is_reported_and_its_covariance_covers_both_poses(
     assert np.all((ratio > 0.6) & (ratio < 1.5)), ratio
 
 
-def test_three_tags_are_never_ambiguous(target: TargetModel, see: See) -> None:
+def test_three_tags_are_never_ambiguous(target: TargetModel) -> None:
     rng = np.random.default_rng(2)
     for X in _poses(60, 6):
         assert _gap(target, see(pose_vector(X), target.port_tags, rng)) > 9.0
 
 
-def test_tags_of_others_and_no_tags_give_nothing(target: TargetModel, see: See) -> None:
+def test_tags_of_others_and_no_tags_give_nothing(target: TargetModel) -> None:
     stranger = TagDetection(499, np.array([[10.0, 60.0], [60.0, 60.0], [60.0, 10.0], [10.0, 10.0]]))
     assert joint_pose(target, []) is None
     assert joint_pose(target, [stranger]) is None

@@ -65,14 +65,6 @@ def test_a_marker_beside_the_port_is_told_that_it_needs_an_edge_on_either_side()
         )
 
 
-@pytest.mark.parametrize("port", ["rear", "left", "right"])
-def test_all_ports_look_alike(scene: Scene, target: TargetModel, port: str) -> None:
-    other = TargetModel.from_scene(scene, DockStep(unit="a", to=f"b.{port}"))
-    assert other.port_tags != target.port_tags or port == "rear"
-    for mine, theirs in zip(target.port_tags, other.port_tags, strict=True):
-        np.testing.assert_allclose(other.corners_D[theirs], target.corners_D[mine], atol=1e-9)
-
-
 def test_a_los_target_off_the_tags_is_refused(scene: Scene) -> None:
     wide = scene.model_copy(update={"los": LosSpec(half_width_m=0.06)})
     with pytest.raises(SceneError, match=r"los: no tag edge of b.rear .* the nearest is 15.9 mm away"):

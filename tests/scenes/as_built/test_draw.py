@@ -20,6 +20,7 @@ from msrr_scenes.geometry.unit_geometry import marker_links
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.random_streams import stream
 from msrr_scenes.specs.scene import Scene
+from tests.conftest import not_none
 
 SEEDS = 200
 
@@ -141,15 +142,13 @@ def test_a_camera_is_mounted_in_its_own_frame() -> None:
 def test_a_misaligned_camera_is_turned_and_is_not_as_designed() -> None:
     fault = "{kind: camera_misaligned, unit: a, yaw_deg: 7}"
     faulty = scene("perfect", faults=f"[{{kind: port_plugged, unit: b, port: rear}}, {fault}]")
-    X_BX = as_designed(faulty).units["a"].camera.X_BX
-    assert X_BX is not None
+    X_BX = not_none(as_designed(faulty).units["a"].camera.X_BX)
     turned = SE3.from_se2(SE2(0.0, 0.0, math.radians(7.0)))
     np.testing.assert_allclose(X_BX.matrix(), turned.matrix(), atol=1e-15)
     assert not as_designed(faulty).is_as_designed
     assert as_designed(faulty).units["b"].camera.X_BX is None
     mounted = draw_as_built(scene("{onboard: {x_m: 0.01, yaw_deg: 2}}", faults=f"[{fault}]"), 0)
-    X_BX = mounted.units["a"].camera.X_BX
-    assert X_BX is not None
+    X_BX = not_none(mounted.units["a"].camera.X_BX)
     both = turned @ SE3.from_se2(SE2(0.01, 0.0, math.radians(2.0)))
     np.testing.assert_allclose(X_BX.matrix(), both.matrix(), atol=1e-15)
 
@@ -194,8 +193,7 @@ def test_a_tag_moves_in_its_own_frame_and_the_top_tag_as_well() -> None:
 def test_the_tag_of_an_obstacle_stays_flat_on_its_lid() -> None:
     tags = draw_as_built(scene("rough", "two_units"), 0).obstacle_tags
     assert tags.keys() == {"post"}
-    X_TX = tags["post"].X_TX
-    assert X_TX is not None
+    X_TX = not_none(tags["post"].X_TX)
     assert X_TX.p[2] == 0.0
     np.testing.assert_allclose(X_TX.R[2], [0.0, 0.0, 1.0])
     assert tags["post"].print_scale != 1.0

@@ -15,6 +15,7 @@ from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import find_urdf
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.specs.mount import MountSpec
+from tests.conftest import not_none
 
 FRAMES = "units.a.frames"
 ROUND = find_urdf("round.urdf")
@@ -133,8 +134,7 @@ def test_an_inertia_that_no_body_has_is_named_with_its_link(
     link: str, values: dict[str, str], tmp_path: Path
 ) -> None:
     tree = ElementTree.parse(ROUND)
-    inertia = tree.getroot().find(f"link[@name='{link}']/inertial/inertia")
-    assert inertia is not None
+    inertia = not_none(tree.getroot().find(f"link[@name='{link}']/inertial/inertia"))
     inertia.attrib.update(values)
     tree.write(tmp_path / "bad.urdf")
     bad = {"units.a.urdf": str(tmp_path / "bad.urdf")}
@@ -165,8 +165,7 @@ def test_a_robot_to_which_nobody_docks_needs_no_tags_at_its_port() -> None:
 @pytest.mark.parametrize("part", ["inertial", "visual"])
 def test_a_malformed_place_of_a_part_is_named_with_its_link(part: str, tmp_path: Path) -> None:
     tree = ElementTree.parse(ROUND)
-    origin = tree.getroot().find(f"link[@name='left_wheel_link']/{part}/origin")
-    assert origin is not None
+    origin = not_none(tree.getroot().find(f"link[@name='left_wheel_link']/{part}/origin"))
     origin.set("xyz", "0 0 zero")
     tree.write(tmp_path / "bad.urdf")
     says = rf"bad\.urdf: link 'left_wheel_link': <{part}>: the xyz of <origin> .*, found '0 0 zero'"
@@ -177,8 +176,7 @@ def test_a_malformed_place_of_a_part_is_named_with_its_link(part: str, tmp_path:
 @pytest.mark.parametrize("value", ["nan", "inf", "", "1 2", "1e-4 kg"])
 def test_a_malformed_moment_of_inertia_is_named_with_its_link(value: str, tmp_path: Path) -> None:
     tree = ElementTree.parse(ROUND)
-    inertia = tree.getroot().find("link[@name='left_wheel_link']/inertial/inertia")
-    assert inertia is not None
+    inertia = not_none(tree.getroot().find("link[@name='left_wheel_link']/inertial/inertia"))
     inertia.set("iyy", value)
     tree.write(tmp_path / "bad.urdf")
     says = rf"link 'left_wheel_link': <inertial>: the iyy of <inertia> has to be a number, found '{value}'"
@@ -191,8 +189,7 @@ def test_a_malformed_moment_of_inertia_is_named_with_its_link(value: str, tmp_pa
 def test_a_pin_without_a_shape_is_named(link: str, plant: str, tmp_path: Path) -> None:
     """A robot with the other pin alone tried until it gave up."""
     tree = ElementTree.parse(ROUND)
-    pin = tree.getroot().find(f"link[@name='{link}']")
-    assert pin is not None
+    pin = not_none(tree.getroot().find(f"link[@name='{link}']"))
     for shape in pin.findall("collision"):
         pin.remove(shape)
     tree.write(tmp_path / "bare.urdf")

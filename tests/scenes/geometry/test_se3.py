@@ -95,9 +95,3 @@ def test_arrays_of_a_pose_cannot_be_written() -> None:
     for array in (X.R, X.p):
         with pytest.raises(ValueError, match="read-only"):
             array[...] = 0.0
-
-
-@pytest.mark.parametrize("pitch", [0.0, 0.4, -1.5, math.pi / 2.0, -math.pi / 2.0])
-def test_roll_pitch_and_yaw_give_the_rotation_back(pitch: float) -> None:
-    X = SE3.from_xyz_rpy([0.0, 0.0, 0.0], [0.3, pitch, -2.0])
-    np.testing.assert_allclose(SE3.from_xyz_rpy([0.0, 0.0, 0.0], X.rpy()).R, X.R, atol=1e-8)

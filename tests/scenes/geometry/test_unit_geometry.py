@@ -8,7 +8,6 @@ import pytest
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit, tag_corners
-from msrr_scenes.specs.control import LosSpec
 
 SIDE_TAG, MAST_TAG = 0.05, 0.04
 UNIT = read_unit(find_urdf("unit.urdf"))
@@ -74,15 +73,6 @@ def test_marker_stands_where_the_design_puts_it(port):
         np.testing.assert_allclose(R[:, 1], [0, 0, -1], atol=1e-8)  # y down
         assert R[1, 0] < 0  # x to the right of who approaches: heading +x, right is -y
         assert np.linalg.det(R) == pytest.approx(1.0)
-
-
-def test_the_los_target_is_the_outer_black_edge_of_the_side_tags():
-    los = LosSpec()
-    for slot, side in (("left", 1.0), ("right", -1.0)):
-        corners = in_dock("rear", f"port_rear_marker_{slot}").act(tag_corners(SIDE_TAG))
-        outer = corners[np.argsort(side * corners[:, 1])[-2:]]
-        np.testing.assert_allclose(outer[:, 0], los.setback_m, atol=1e-4)
-        np.testing.assert_allclose(outer[:, 1], side * los.half_width_m, atol=1e-4)
 
 
 def test_markers_of_neighbouring_ports_leave_each_other_room():

@@ -15,6 +15,7 @@ from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.series import port_in_dock
 from msrr_scenes.camera_lenses import camera_lenses
 from msrr_scenes.messages import NS_PER_S, OVERHEAD, Exposure, Phase
+from tests.bullet.conftest import with_step
 
 
 def test_read_pixels_are_shown_as_they_are(views, trial, context):
@@ -57,7 +58,7 @@ def test_a_caption_tells_the_present_and_not_how_the_phase_began(trial, context)
 
 
 @pytest.mark.parametrize("phase", [Phase.RETREAT, Phase.FAILED])
-def test_a_caption_gives_the_reason_that_stays_true(phase, trial, context, with_step):
+def test_a_caption_gives_the_reason_that_stays_true(phase, trial, context):
     snapshot = with_step(trial.snapshots[-1], phase=phase, reason="no progress for 2.0 s")
     view = CameraView(Exposure("a/onboard", -1, snapshot.stamp_ns), camera_lenses(context.scene)["a/onboard"])
     assert draw_onboard(context, view, snapshot).title[1].endswith("no progress for 2.0 s")

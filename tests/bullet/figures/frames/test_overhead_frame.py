@@ -14,6 +14,7 @@ from msrr_bullet.timeline.camera_views import CameraView
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import OVERHEAD
+from tests.bullet.conftest import with_step
 
 
 def test_an_overhead_frame_shows_truth_belief_plan_and_detections(count_pixels, views, trial, context):
@@ -40,7 +41,7 @@ def test_lines_are_drawn_where_they_meet_the_tags(views, trial, context):
         np.testing.assert_allclose(drawn, middle, atol=1.5)
 
 
-def test_belief_is_drawn_where_it_is(views, trial, context, with_step):
+def test_belief_is_drawn_where_it_is(views, trial, context):
     """A belief 20 cm off is drawn 20 cm off."""
     view = [v for v in views if v.exposure.camera == OVERHEAD and v.tags][5]
     snapshot = trial.at(view.stamp_ns)

@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 from msrr_bullet.figures.plots import curves
 from msrr_bullet.timeline.series import TrialSeries
 from msrr_scenes.geometry.se2 import SE2
+from tests.bullet.conftest import with_step
 
 
 @pytest.fixture
-def turning(drive, with_step):
+def turning(drive):
     """The drive with a unit that starts near 180 deg, jitters about it, and turns to 0."""
     rng = np.random.default_rng(5)
     done = np.linspace(0.0, 1.0, len(drive.snapshots))
@@ -47,7 +48,7 @@ def test_a_heading_around_180_deg_is_a_line_and_no_block(drive, turning):
     assert abs(truth[-1]) < 10.0
 
 
-def test_each_step_of_a_plan_ends_within_half_a_turn(drive, turning, with_step):
+def test_each_step_of_a_plan_ends_within_half_a_turn(drive, turning):
     step = drive.scene.plan[0].model_copy(update={"to": "b.left"})
     later = [with_step(s, step=step) for s in turning]
     series = TrialSeries.of(drive.scene, [*turning, *later])

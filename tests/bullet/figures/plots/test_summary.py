@@ -21,6 +21,7 @@ from msrr_bullet.timeline.snapshot import planned_paths
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Exposure, Phase, TagDetection
+from tests.bullet.conftest import with_step
 
 
 @pytest.fixture
@@ -33,24 +34,19 @@ def view(drive):
     return CameraView(exposure, lens, [(window, pixels)], [TagDetection(11, corners)])
 
 
-def test_picture_holds_paths_units_and_curves(count_pixels, drive, tmp_path):
-    image = cv2.imread(
-        str(write_picture(tmp_path / "run.png", drive.scene, drive.snapshots, headline="docked"))
+def test_picture_holds_paths_units_curves_and_views(count_pixels, drive, view, tmp_path):
+    """Of an onboard view it shows what was read and what was not; the same trial gives the same picture."""
+    path, again = (
+        write_picture(tmp_path / name, drive.scene, drive.snapshots, [view] * 5, headline="docked")
+        for name in ("a.png", "b.png")
     )
+    assert path.read_bytes() == again.read_bytes()
+    image = cv2.imread(str(path))
     assert image.shape[1] == round(WIDTH * DPI)
     for name in ("PATH", "BELIEF", "GREEN", "VERMILLION", "OBSTACLE"):
         assert count_pixels(image, getattr(palette, name), 3) > 150, name
-
-
-def test_onboard_view_shows_what_was_read_and_what_was_not(count_pixels, drive, view, tmp_path):
-    image = cv2.imread(str(write_picture(tmp_path / "run.png", drive.scene, drive.snapshots, [view] * 5)))
     read_pixels, unread = 90 * 0x010101, UNREAD * 0x010101
     assert count_pixels(image, unread, 1) > 2 * count_pixels(image, read_pixels, 1) > 2000
-
-
-def test_the_same_trial_gives_the_same_picture(drive, view, tmp_path):
-    first = write_picture(tmp_path / "a.png", drive.scene, drive.snapshots, [view]).read_bytes()
-    assert first == write_picture(tmp_path / "b.png", drive.scene, drive.snapshots, [view]).read_bytes()
 
 
 def test_what_is_missing_is_left_out(drive, tmp_path):
@@ -79,7 +75,7 @@ def test_the_picture_of_a_run_shows_its_plan_in_a_shape_that_fits(
 @pytest.mark.parametrize(
     "ratio", [0.3, 0.88, 0.95, *(pytest.param(r, marks=pytest.mark.nightly) for r in (0.85, 0.92, 1.5))]
 )
-def test_no_text_runs_over_the_edge(ratio, drive, tmp_path, monkeypatch, with_step):
+def test_no_text_runs_over_the_edge(ratio, drive, tmp_path, monkeypatch):
     """The title of the view from above was cut, and so was the label below it in views of some shapes."""
     figures = []
 

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from msrr_bullet.figures.plots.top_view import MARGIN, draw_top_view, extent
 from msrr_scenes.messages import Phase
+from tests.bullet.conftest import with_step
 
 
 def test_the_extent_holds_every_body(drive):
@@ -22,7 +23,7 @@ def test_the_extent_holds_every_body(drive):
             assert X.y + reach <= y1 + 1e-9
 
 
-def test_the_title_names_the_instants_at_which_the_unit_is_drawn(drive, with_step):
+def test_the_title_names_the_instants_at_which_the_unit_is_drawn(drive):
     failed = [
         with_step(s, phase=Phase.RETREAT) if 120 <= i < 140 else s for i, s in enumerate(drive.snapshots)
     ]
@@ -33,7 +34,7 @@ def test_the_title_names_the_instants_at_which_the_unit_is_drawn(drive, with_ste
     assert axes.get_title() == "from above: start, failed attempt, end"
 
 
-def test_the_title_of_many_steps_is_short(drive, with_step):
+def test_the_title_of_many_steps_is_short(drive):
     """It ran over the edge of the picture: every hand-over of four units stood in it."""
     phases = (Phase.ASSEMBLE, Phase.HAND_OVER, Phase.DOCK, Phase.RETREAT, Phase.ASSEMBLE)
     steps = [drive.scene.plan[0].model_copy(update={"to": f"b.{port}"}) for port in ("rear", "left", "right")]

@@ -5,10 +5,9 @@ import math
 import numpy as np
 
 from msrr_bullet.reproduce.report.comparisons import compare, largest, untold
-from msrr_bullet.studies.ablations import ablation_jobs
 from msrr_bullet.studies.model import Measured, Row, Table, rates_of
-from msrr_bullet.studies.settings import STANDARD
 from msrr_scenes.random_streams import stream
+from tests.bullet.reproduce.report.conftest import passing
 
 TRIALS = 200
 
@@ -99,8 +98,10 @@ def test_infinite_times_do_not_differ_from_each_other() -> None:
 
 
 def test_a_law_that_drives_through_the_obstacle_has_no_other_figures() -> None:
-    jobs = [j for j in ablation_jobs(range(20)) if j.phase == "long" and j.setting is STANDARD]
-    rows = tuple(j.run() for j in jobs if j.label in ("C1", "without envelope"))
+    rows = (
+        passing("C1", 20, amplitude=0.25, recovery=2.0, clearance=0.04),
+        passing("without envelope", 20, clear=False, amplitude=0.01, recovery=0.1, clearance=-0.08),
+    )
     through = Table(phase="long", plant="unicycle", setting="standard", description="", rows=rows)
     changes = compare([through], "C1", "without envelope")
     (text,) = [c.text for c in changes]

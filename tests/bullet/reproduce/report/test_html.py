@@ -9,9 +9,7 @@ from msrr_bullet.reproduce.report.balance import balances
 from msrr_bullet.reproduce.report.findings import lag_text
 from msrr_bullet.reproduce.report.html import strip_title, write_report
 from msrr_bullet.studies.model import Ablations, Count, Measured, Reproduction, Row, Table, rates_of
-from msrr_bullet.studies.path_following_studies import path_following_row
-from msrr_bullet.studies.settings import STANDARD
-from msrr_scenes.specs.spec import Choice
+from tests.bullet.reproduce.report.conftest import LONG
 
 
 def row(label: str, settling: list[float], **optional: object) -> Row:
@@ -92,9 +90,7 @@ def test_text_is_escaped(tmp_path: Path) -> None:
 
 
 def test_both_distances_stand_in_the_report(tmp_path: Path) -> None:
-    rows = tuple(path_following_row(Choice(name=n), n.upper(), STANDARD, range(10)) for n in ("c1", "c2"))
-    table = Table(phase="long", plant="unicycle", setting="standard", description="here", rows=rows)
-    results = Reproduction(versions={}, seeds={}, tables=(table,))
+    results = Reproduction(versions={}, seeds={}, tables=(LONG,))
     page = write_report(results, {}, tmp_path / "r.html").read_text()
     heads = ["amplitude to the desired point [m]; within 0.3", "amplitude to the path [m]"]
     heads += ["recovery to the desired point [s]; within 3", "recovery to the path [s]"]
