@@ -90,9 +90,7 @@ def test_a_log_that_is_closed_between_the_windows_of_a_frame_is_complete(
     assert np.all(logged.pixels == 7)
 
 
-def test_a_log_that_is_closed_when_python_ends_is_complete(
-    tmp_path: Path, header: LogHeader, record_trial: Record
-) -> None:
+def test_a_log_that_is_closed_when_python_ends_is_complete(tmp_path: Path, header: LogHeader) -> None:
     """Python lets the worker finish before it closes an environment that its user did not close."""
     recorder = McapRecorder(tmp_path / "t.mcap", header)
     record_trial(recorder, 0.5)
