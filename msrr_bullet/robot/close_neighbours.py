@@ -17,8 +17,13 @@ from msrr_scenes.messages import ArenaEstimate, GlobalPose, PoseEstimate
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
-#: Largest distance from its seat, and angle, at which a neighbour that is seen from above is in its seat.
+#: Distance from its seat, and angle, up to which a neighbour that is seen from above is in its seat, however
+#: precise sight is; and up to which it may be if sight is not.
 _IN_SEAT_M, _IN_SEAT_RAD = 0.015, math.radians(4.0)
+_MOST_OFF_M, _MOST_OFF_RAD = 0.045, math.radians(12.0)
+
+#: Squared Mahalanobis distance that one sight in ten thousand exceeds: chi square, 3 degrees of freedom.
+_GATE = 21.1
 
 #: Covariance of the pose of a unit in its seat, in x, y and yaw: the play of pins in their holes.
 _SEATED = np.diag([0.0009**2, 0.0009**2, math.radians(0.2) ** 2])
@@ -83,7 +88,7 @@ class CloseNeighbours:
         for body in arena.others:
             if body.name not in self.limits:
                 continue
-            if not self._in_seat(body.name, X_DW @ body.X_WB):
+            if not self._in_seat(body, arena.target):
                 others.append(_turned(body, X_DW))
             elif not held:
                 others.append(GlobalPose(body.name, body.stamp_ns, self._seats[body.name], _SEATED))
@@ -99,10 +104,21 @@ class CloseNeighbours:
         """
         return self._setup.pin_reach if self._seats[neighbour.name] == neighbour.X_WB else 0.0
 
-    def _in_seat(self, name: str, X_DN: SE2) -> bool:
-        """Return whether a neighbour that is seen from above at ``X_DN`` is in its seat."""
-        off = self._seats[name].inverse() @ X_DN
-        return math.hypot(off.x, off.y) < _IN_SEAT_M and abs(off.yaw) < _IN_SEAT_RAD
+    def _in_seat(self, body: GlobalPose, target: GlobalPose) -> bool:
+        """Return whether a neighbour that is seen from above is in its seat, as far as sight can tell."""
+        X_WN = target.X_WB @ self._X_TD @ self._seats[body.name]
+        off = X_WN.inverse() @ body.X_WB
+        apart, turned = math.hypot(off.x, off.y), abs(off.yaw)
+        if apart < _IN_SEAT_M and turned < _IN_SEAT_RAD:
+            return True
+        if apart > _MOST_OFF_M or turned > _MOST_OFF_RAD:
+            return False
+        error = np.array([body.X_WB.x - X_WN.x, body.X_WB.y - X_WN.y, off.yaw])
+        by_target = np.eye(3)  # how the seat moves in W with the pose of the target
+        by_target[:2, 2] = target.X_WB.y - X_WN.y, X_WN.x - target.X_WB.x
+        play = X_WN.rotate_covariance(_SEATED)
+        covariance = body.relative + by_target @ target.relative @ by_target.T + play
+        return float(error @ np.linalg.solve(covariance, error)) < _GATE
 
 
 def _turned(body: GlobalPose, X_DW: SE2) -> GlobalPose:

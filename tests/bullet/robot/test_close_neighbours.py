@@ -6,6 +6,7 @@ import pytest
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.robot.close_neighbours import CloseNeighbours
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
+from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, GlobalPose, MonitorState, PoseEstimate, Twist
 from msrr_scenes.messages.coordination import Authority
@@ -13,6 +14,10 @@ from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 
 SURE = np.diag([0.0003**2, 0.0003**2, 1e-7])
+
+#: Covariance of what robots of the grade rough see from above.
+ROUGH = np.diag([0.0012**2, 0.0012**2, 0.021**2])
+
 #: Unit c in its seat at the left port of b, in the dock frame D of the rear port of b.
 X_DC = SE2(0.1, 0.2, -np.pi / 2)
 
@@ -138,6 +143,31 @@ def test_a_neighbour_is_in_its_seat_by_place_and_heading_as_seen_from_there(
     (found,) = neighbours.in_dock_frame(ArenaEstimate(0, a, b, (c,), (), 0), sight).others
     expected = X_DC if in_seat else seen
     np.testing.assert_allclose(found.X_WB.as_array(), expected.as_array(), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("off", "covariance", "in_seat"),
+    [
+        (SE2(0.0057, 0.0104, np.radians(-4.7)), ROUGH, True),
+        (SE2(0.0057, 0.0104, np.radians(-4.7)), 0.1 * ROUGH, False),
+        (SE2(0.0, 0.025), ROUGH, False),
+        (SE2(0.0, 0.050), 100.0 * ROUGH, False),
+        (SE2(0.0, 0.0, np.radians(13.0)), 100.0 * ROUGH, False),
+    ],
+)
+def test_a_neighbour_is_in_its_seat_as_far_as_sight_can_tell(
+    off: SE2, covariance: Array, in_seat: bool, scene: Scene
+) -> None:
+    """Robots of the grade rough saw one 5 deg askew in its seat, and did not dock beside it."""
+    joints, X_DN = [DockStep(unit="c", to="b.left")], X_DC @ off
+    neighbours = CloseNeighbours(scene, ClearanceModel.from_scene(scene), scene.docks[0], joints, 0.03, 3.0)
+    for X_VW in (SE2(), SE2(1.3, -0.7, 2.0)):
+        places = {"a": SE2(), "b": X_VW, "c": X_VW @ scene.geometry("b").dock_frame("rear") @ X_DN}
+        a, b, c = (GlobalPose(n, 0, X, X_VW.rotate_covariance(covariance)) for n, X in places.items())
+        sight = PoseEstimate(0, SE2(-0.5, 0.01, 0.02), SURE, 0)
+        (found,) = neighbours.in_dock_frame(ArenaEstimate(0, a, b, (c,), (), 0), sight).others
+        expected = X_DC if in_seat else X_DN
+        np.testing.assert_allclose(found.X_WB.as_array(), expected.as_array(), atol=1e-3)
 
 
 @pytest.mark.parametrize("at_first", [(), (DockStep(unit="c", to="b.left"),)])
