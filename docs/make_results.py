@@ -29,7 +29,7 @@ PAGE = ROOT / "docs" / "results" / "results.md"
 CODE = ("msrr_bullet", "perception", "control", "scenes", "urdf", "pyproject.toml", "constraints.txt")
 
 #: Ends of which the page says that no trial has them.
-NEVER = (Outcome.COLLISION, Outcome.FALSE_DOCK, Outcome.FALSE_ABORT)
+NEVER = (Outcome.COLLISION, Outcome.CLEARANCE_VIOLATED, Outcome.FALSE_DOCK, Outcome.FALSE_ABORT)
 
 _COMMAND = re.compile(r"`(msrr sweep [^`]+)`")
 Docks = Callable[[SweepSummary], Sequence[StepFigures]]
