@@ -12,6 +12,7 @@ from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.collision.locked_group import locked_group, neighbour_limits
 from msrr_control.docking.law import DockSetup
 from msrr_control.sequence.port_view import PortView
+from msrr_control.shapes.bodies import SEATED
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, GlobalPose, PoseEstimate
 from msrr_scenes.specs.plan import DockStep
@@ -24,9 +25,6 @@ _MOST_OFF_M, _MOST_OFF_RAD = 0.045, math.radians(12.0)
 
 #: Squared Mahalanobis distance that one sight in ten thousand exceeds: chi square, 3 degrees of freedom.
 _GATE = 21.1
-
-#: Covariance of the pose of a unit in its seat, in x, y and yaw: the play of pins in their holes.
-_SEATED = np.diag([0.0009**2, 0.0009**2, math.radians(0.2) ** 2])
 
 
 class CloseNeighbours:
@@ -91,7 +89,7 @@ class CloseNeighbours:
             if not self._in_seat(body, arena.target):
                 others.append(_turned(body, X_DW))
             elif not held:
-                others.append(GlobalPose(body.name, body.stamp_ns, self._seats[body.name], _SEATED))
+                others.append(GlobalPose(body.name, body.stamp_ns, self._seats[body.name], SEATED))
         return ArenaEstimate(by_sight.stamp_ns, own, None, tuple(others), (), by_sight.last_seen_ns)
 
     def least_gap(self, neighbour: GlobalPose) -> float:
@@ -116,7 +114,7 @@ class CloseNeighbours:
         error = np.array([body.X_WB.x - X_WN.x, body.X_WB.y - X_WN.y, off.yaw])
         by_target = np.eye(3)  # how the seat moves in W with the pose of the target
         by_target[:2, 2] = target.X_WB.y - X_WN.y, X_WN.x - target.X_WB.x
-        play = X_WN.rotate_covariance(_SEATED)
+        play = X_WN.rotate_covariance(SEATED)
         covariance = body.relative + by_target @ target.relative @ by_target.T + play
         return float(error @ np.linalg.solve(covariance, error)) < _GATE
 

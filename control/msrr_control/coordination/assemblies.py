@@ -13,15 +13,12 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 import numpy as np
 
 from msrr_control.coordination.ledger import UnitRecord
-from msrr_control.shapes.bodies import Body
+from msrr_control.shapes.bodies import SEATED, Body
 from msrr_control.shapes.precedence import compose
 from msrr_control.tracks.route_request import Standing
 from msrr_scenes.geometry.se2 import SE2, wrap_angle
 from msrr_scenes.messages import GlobalPose
 from msrr_scenes.messages.coordination import UnitState
-
-#: Play of a unit in a port, in x and y [m] and yaw [rad]: one standard deviation.
-_PLAY = np.array([0.001, 0.001, math.radians(0.3)])
 
 #: Distance and angle of a unit from where a dock puts it from which on it is not in that port [m], [rad]. It
 #: may have left it unheard, or never have come there.
@@ -119,7 +116,7 @@ def _fitted(X_WA: SE2, places: Sequence[SE2], sights: Sequence[GlobalPose]) -> S
     """
     placed = np.array([X_AU.as_array() for X_AU in places])
     seen = np.array([sight.X_WB.as_array() for sight in sights])
-    weights = np.linalg.inv(np.array([sight.relative for sight in sights]) + np.diag(_PLAY**2))
+    weights = np.linalg.inv(np.array([sight.relative for sight in sights]) + SEATED)
     for _ in range(_ITERATIONS):
         poses = compose(X_WA, placed)
         residuals = seen - poses

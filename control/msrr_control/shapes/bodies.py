@@ -29,6 +29,9 @@ BESIDE_GAP_M = 0.045
 #: Loss of such a gap that counts as none [m].
 LOSS_M = 0.001
 
+#: Covariance of the pose of a unit in a port, in x, y and yaw [m, rad]: the play of pins in their holes.
+SEATED = np.diag([0.0009**2, 0.0009**2, math.radians(0.2) ** 2])
+
 #: Distance below which two corners of an outline count as one [m].
 _SAME_CORNER_M = 1e-6
 
