@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from msrr_bullet.log.codec import LogError
 from msrr_scenes.messages import (
+    ArenaEstimate,
+    AssemblyPath,
+    AssemblyProgress,
+    Belief,
+    CollisionMonitorState,
     Detections,
     GlobalPose,
     Localisation,
     LockFeedback,
+    LosObservation,
+    PoseEstimate,
     PoseMeasurement,
     SeatSwitches,
     SensorMessage,
@@ -66,6 +75,17 @@ situation = "/perception/{}/situation".format
 action, belief = "/control/{}/action".format, "/control/{}/belief".format
 monitor = "/control/{}/collision_monitor".format
 assembly, path = "/control/{}/assembly".format, "/control/{}/path".format
+
+#: Topics of the estimates of a unit and of what it believes, as functions of its name, by type of message.
+ESTIMATES: dict[type, Callable[[str], str]] = {
+    PoseEstimate: estimate,
+    LosObservation: los,
+    ArenaEstimate: situation,
+    CollisionMonitorState: monitor,
+    AssemblyProgress: assembly,
+    AssemblyPath: path,
+    Belief: belief,
+}
 
 #: Topics of the radio, as functions of the name of a unit: what the base station sends to it, what it
 #: reports, and the arrival of either.

@@ -8,12 +8,11 @@ from typing import Generic, TypeVar
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
 from msrr_bullet.log.records import Event, Level, RadioReceipt
-from msrr_bullet.robot.interface import CameraReader, LedRobot, ObservableRobot
+from msrr_bullet.robot.interface import CameraReader, Estimates, LedRobot, ObservableRobot
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import (
     Action,
-    AssemblyPath,
     Detections,
     Exposure,
     Fetch,
@@ -72,7 +71,7 @@ class RecordedRobot(RecordedReader[R]):
         """
         super().__init__(robot, recorder, now_ns)
         self._unit = unit
-        self._path: AssemblyPath | None = None
+        self._estimates = Estimates()
 
     def receive(self, message: SensorMessage) -> None:
         """Record a message as it arrives."""
@@ -81,23 +80,11 @@ class RecordedRobot(RecordedReader[R]):
 
     def step(self, now_ns: int) -> Action:
         """Record the action of one control instant, and the estimates on which it is based."""
-        robot = self.program
-        action = robot.step(now_ns)
+        action = self.program.step(now_ns)
         self._recorder.write(topics.action(self._unit), now_ns, action)
-        if (estimate := robot.estimate) is not None:
-            self._recorder.write(topics.estimate(self._unit), now_ns, estimate)
-        if (los := robot.los) is not None:
-            self._recorder.write(topics.los(self._unit), now_ns, los)
-        if (arena := robot.arena) is not None:
-            self._recorder.write(topics.situation(self._unit), now_ns, arena)
-        if (monitor := robot.monitor) is not None:
-            self._recorder.write(topics.monitor(self._unit), now_ns, monitor)
-        if (assembly := robot.assembly) is not None:
-            self._recorder.write(topics.assembly(self._unit), now_ns, assembly)
-        if (path := robot.path) is not None and path is not self._path:
-            self._recorder.write(topics.path(self._unit), now_ns, path)
-            self._path = path
-        self._recorder.write(topics.belief(self._unit), now_ns, robot.belief)
+        last, self._estimates = self._estimates, self.program.estimates
+        for message in self._estimates.messages(last):
+            self._recorder.write(topics.ESTIMATES[type(message)](self._unit), now_ns, message)
         return action
 
 

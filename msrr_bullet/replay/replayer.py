@@ -27,24 +27,18 @@ from msrr_bullet.replay.comparison import (
 )
 from msrr_bullet.robot.autonomy import Autonomy
 from msrr_bullet.robot.fail_safe import FailSafeRobot
-from msrr_bullet.robot.interface import CameraReader, ObservableRobot
+from msrr_bullet.robot.interface import CameraReader, Estimates, ObservableRobot
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import (
     Action,
-    ArenaEstimate,
-    AssemblyPath,
-    AssemblyProgress,
-    Belief,
     CollisionMonitorState,
     Detections,
     Exposure,
     GlobalPose,
     Localisation,
     LockFeedback,
-    LosObservation,
     Pixels,
-    PoseEstimate,
     PoseMeasurement,
     SeatSwitches,
     SensorMessage,
@@ -56,25 +50,14 @@ from msrr_scenes.specs.scene import Scene
 
 _SENSOR_MESSAGES = (WheelOdometry, SeatSwitches, LockFeedback, PoseMeasurement, GlobalPose, Localisation)
 
-#: The estimates that a robot shows after a decision, and their names in the report.
-_ESTIMATES: dict[type, str] = {
-    PoseEstimate: "estimate",
-    LosObservation: "los",
-    ArenaEstimate: "situation",
-    CollisionMonitorState: "collision_monitor",
-    AssemblyProgress: "assembly",
-    AssemblyPath: "path",
-    Belief: "belief",
-}
-
 
 @dataclass
 class ReplayedRobot:
-    """A robot that runs again, its estimates that the log has not confirmed yet, and its last path."""
+    """A robot that runs again, its last estimates, and those of them that the log has not confirmed yet."""
 
     robot: ObservableRobot
-    estimates: dict[type, object] = field(default_factory=dict)
-    path: AssemblyPath | None = None
+    estimates: Estimates = field(default_factory=Estimates)
+    unlogged: dict[type, object] = field(default_factory=dict)
 
 
 class Replayer(ABC):
@@ -134,7 +117,7 @@ class Replayer(ABC):
         if kind is Event:
             self._note_camera_failure(record.message)
         self._expose()
-        if kind in _ESTIMATES:
+        if kind in topics.ESTIMATES:
             self._compare_estimate(record)
         elif kind is Exposure:
             self._exposure = record
@@ -219,26 +202,24 @@ class Replayer(ABC):
     def _decide(self, record: LogRecord) -> None:
         replayed = self._robot_of(record)
         self._report_unlogged_estimates(record, replayed)
-        robot = replayed.robot
         self._counts["commands"] += 1
-        action = robot.step(record.stamp_ns)
+        action = replayed.robot.step(record.stamp_ns)
         self._comparison.compare("command", record, action)
-        monitor = robot.monitor if self._monitor_is_logged else None
-        path, replayed.path = (None if robot.path is replayed.path else robot.path), robot.path
-        for estimate in (robot.estimate, robot.los, robot.arena, monitor, robot.assembly, path, robot.belief):
-            if estimate is not None:
-                replayed.estimates[type(estimate)] = estimate
+        last, replayed.estimates = replayed.estimates, replayed.robot.estimates
+        replayed.unlogged = {type(message): message for message in replayed.estimates.messages(last)}
+        if not self._monitor_is_logged:
+            replayed.unlogged.pop(CollisionMonitorState, None)
 
     def _compare_estimate(self, record: LogRecord) -> None:
         self._counts["estimates"] += 1
-        estimate = self._robot_of(record).estimates.pop(record.kind, None)
-        self._comparison.compare(_ESTIMATES[record.kind], record, estimate)
+        estimate = self._robot_of(record).unlogged.pop(record.kind, None)
+        self._comparison.compare(_name(record.kind), record, estimate)
 
     def _report_unlogged_estimates(self, record: LogRecord, robot: ReplayedRobot) -> None:
         """Report the estimates of the last decision of a robot that the log does not hold."""
-        for kind, estimate in robot.estimates.items():
-            self._comparison.add(_ESTIMATES[kind], record, None, encoded(estimate).decode())
-        robot.estimates.clear()
+        for kind, estimate in robot.unlogged.items():
+            self._comparison.add(_name(kind), record, None, encoded(estimate).decode())
+        robot.unlogged.clear()
 
 
 RobotFactory = Callable[[Scene, DockStep], ObservableRobot]
@@ -276,6 +257,11 @@ class PlannedReplayer(Replayer):
 
     def _receive(self, record: LogRecord, message: SensorMessage) -> None:
         self._robot_of(record).robot.receive(message)
+
+
+def _name(kind: type) -> str:
+    """Return the name of a kind of estimate in the report: the last part of its topic."""
+    return topics.ESTIMATES[kind]("").rpartition("/")[2]
 
 
 def _gap(expected: int, found: int) -> str:

@@ -13,6 +13,7 @@ from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
 from msrr_bullet.robot.drive_feed_forward import DriveFeedForward
 from msrr_bullet.robot.drive_watch import DriveWatch
+from msrr_bullet.robot.interface import Estimates
 from msrr_bullet.robot.overhead_localizer import OverheadLocalizer, OverheadReader
 from msrr_bullet.robot.wheel_speed import WheelSpeed
 from msrr_control.docking.controller import build_controller
@@ -33,15 +34,11 @@ from msrr_perception.tracking.overhead_correction import OverheadCorrection
 from msrr_scenes.messages import (
     Action,
     ArenaEstimate,
-    AssemblyPath,
-    AssemblyProgress,
-    Belief,
     CollisionMonitorState,
     Detections,
     Exposure,
     Fetch,
     LockFeedback,
-    LosObservation,
     Phase,
     PoseEstimate,
     PoseMeasurement,
@@ -78,11 +75,8 @@ class Autonomy:
     station reads, and the docks that others have made.
 
     Attributes:
-        estimate: Pose estimate on which the last decision was based.
-        los: Line of sight on which the last decision was based.
-        arena: Estimate of all bodies in the arena on which the last decision was based.
+        estimates: What the robot estimates and believes, as of its last decision.
         guard: Collision monitor; None without an overhead camera.
-        monitor: Decision of the collision monitor on the last command; None without one.
     """
 
     def __init__(
@@ -159,29 +153,8 @@ class Autonomy:
         self._switches: SeatSwitches | None = None
         self._lock: LockFeedback | None = None
         self._now_ns = 0
-        self.estimate: PoseEstimate | None = None
-        self.los: LosObservation | None = None
-        self.arena: ArenaEstimate | None = None
-        self.monitor: CollisionMonitorState | None = None
+        self.estimates = Estimates()
         self._passed: Twist | None = None
-
-    @property
-    def belief(self) -> Belief:
-        """Belief of the robot about the outcome of the step."""
-        seized = None if self._drive_watch is None else self._drive_watch.belief
-        return seized or self._phases.belief
-
-    @property
-    def assembly(self) -> AssemblyProgress | None:
-        """Progress of the long-distance phase at the last decision; None in other phases."""
-        if self._phases.phase is not Phase.ASSEMBLE:
-            return None
-        return None if self._assembler is None else self._assembler.progress
-
-    @property
-    def path(self) -> AssemblyPath | None:
-        """Path that the long-distance phase follows or followed last."""
-        return None if self._assembler is None else self._assembler.path
 
     @property
     def phase(self) -> Phase:
@@ -206,7 +179,7 @@ class Autonomy:
         if camera == self._onboard:
             return self._phases.phase is not Phase.ASSEMBLE
         if self._reader is not None and self._phases.phase in _CHECKED_PHASES:
-            return self.arena is not None and self._reader.check_is_due(self._now_ns)
+            return self.estimates.arena is not None and self._reader.check_is_due(self._now_ns)
         return self._phases.phase in _OVERHEAD_PHASES
 
     def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
@@ -215,8 +188,9 @@ class Autonomy:
             return self._vision.detect(exposure, self._estimator.predict(exposure.stamp_ns), fetch)
         if self._reader is None:
             return None
-        if self._phases.phase in _CHECKED_PHASES and self.arena is not None:
-            return self._reader.check(exposure, self.arena.own.X_WB, fetch)
+        arena = self.estimates.arena
+        if self._phases.phase in _CHECKED_PHASES and arena is not None:
+            return self._reader.check(exposure, arena.own.X_WB, fetch)
         return self._reader.detect(exposure, fetch)
 
     def receive(self, message: SensorMessage) -> None:
@@ -245,25 +219,26 @@ class Autonomy:
     def step(self, now_ns: int) -> Action:
         """Return the action of one control instant."""
         self._now_ns = now_ns
-        self.estimate = self._estimator.estimate(now_ns)
-        self.los = self._los_estimator.observe(now_ns, self._estimator)
+        pose = self._estimator.estimate(now_ns)
+        los = self._los_estimator.observe(now_ns, self._estimator)
+        arena: ArenaEstimate | None = None
         if self._overhead is not None:
             by_onboard_camera = self._phases.phase not in _FAR_PHASES
-            if self.estimate is not None:
-                self.estimate = self._corrected(self.estimate, self._overhead)
-            self.arena = self._overhead.estimate(now_ns, self.estimate if by_onboard_camera else None)
+            if pose is not None:
+                pose = self._corrected(pose, self._overhead)
+            arena = self._overhead.estimate(now_ns, pose if by_onboard_camera else None)
         before = self._phases.phase
         action = self._phases.step(
             Observation(
                 now_ns=now_ns,
-                pose=self.estimate,
-                los=self.los,
+                pose=pose,
+                los=los,
                 switches=self._switches,
                 lock=self._lock,
                 twist=self._speed.twist,
-                arena=self.arena,
+                arena=arena,
                 overhead_exposed_ns=self._overhead.newest_ns if self._overhead else None,
-                monitor=self.monitor,
+                monitor=self.estimates.monitor,
                 passed=self._passed,
                 tags_read_ns=self._tags_read_ns,
             )
@@ -278,8 +253,17 @@ class Autonomy:
             self._correction.reset()
         if self._reader is not None and action.phase in _BACKWARDS_PHASES and before is not action.phase:
             self._reader.restart_search()  # an obstacle may have appeared behind the unit
-        action = self._feed_forward.apply(self._limit_by_clearance(action))
-        return action if self._drive_watch is None else self._drive_watch.judge(action)
+        action, monitor = self._limit_by_clearance(action, arena, pose)
+        action, belief = self._feed_forward.apply(action), self._phases.belief
+        if self._drive_watch is not None:
+            action = self._drive_watch.judge(action)
+            belief = self._drive_watch.belief or belief
+        assembly = path = None
+        if self._assembler is not None:
+            assembly = self._assembler.progress if self._phases.phase is Phase.ASSEMBLE else None
+            path = self._assembler.path
+        self.estimates = Estimates(pose, los, arena, monitor, assembly, path, belief)
+        return action
 
     def _corrected(self, by_sight: PoseEstimate, overhead: OverheadLocalizer) -> PoseEstimate:
         """Return the pose by the onboard camera, corrected by what the overhead camera shows on the way."""
@@ -296,12 +280,15 @@ class Autonomy:
             if learned is not None:
                 self._memory.keep(self._port, learned)
 
-    def _limit_by_clearance(self, action: Action) -> Action:
+    def _limit_by_clearance(
+        self, action: Action, arena: ArenaEstimate | None, pose: PoseEstimate | None
+    ) -> tuple[Action, CollisionMonitorState | None]:
         """Limit the command so that the unit can stop before it reaches any known body."""
         if self.guard is None:
-            return action
+            return action, None
         docking = action.phase not in _FAR_PHASES
         with self._profiler("collision monitor"):
-            decision = self.guard.limit(action.twist, self.arena, action.stamp_ns, docking, self.estimate)
-        self.monitor, self._passed = decision.message(self._unit, action.stamp_ns), decision.twist
-        return action if decision.twist is action.twist else action.with_twist(decision.twist)
+            decision = self.guard.limit(action.twist, arena, action.stamp_ns, docking, pose)
+        self._passed = decision.twist
+        limited = action if decision.twist is action.twist else action.with_twist(decision.twist)
+        return limited, decision.message(self._unit, action.stamp_ns)

@@ -8,22 +8,16 @@ from typing import Generic, TypeVar
 
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.robot.guided_unit import GuidedUnit
-from msrr_bullet.robot.interface import LedRobot, ObservableRobot
+from msrr_bullet.robot.interface import Estimates, LedRobot, ObservableRobot
 from msrr_perception.tracking.body_track import SeenPoses
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.messages import (
     Action,
-    ArenaEstimate,
-    AssemblyPath,
-    AssemblyProgress,
     Belief,
-    CollisionMonitorState,
     Detections,
     Exposure,
     Fetch,
-    LosObservation,
     Phase,
-    PoseEstimate,
     SensorMessage,
     Twist,
 )
@@ -37,11 +31,8 @@ R = TypeVar("R", bound=ObservableRobot)
 class FailSafeRobot(Generic[R]):
     """Runs a robot until its program fails. From then on it commands a standstill and knows nothing.
 
-    What the robot estimates, which :class:`~msrr_bullet.robot.interface.ObservableRobot` lists, is read once
-    after each decision, so that a trial and its replay, which look at it more or less often, run the same
-    code.
-
     Attributes:
+        estimates: What the robot estimated and believed at its last decision; nothing once it has failed.
         failure: Error with which the program failed; None while it runs.
     """
 
@@ -50,13 +41,7 @@ class FailSafeRobot(Generic[R]):
         self._action = Action(0, Phase.ASSEMBLE, attempt=1)
         self._robot: R | None = None
         self.failure: ProgramFailedError | None = None
-        self.estimate: PoseEstimate | None = None
-        self.los: LosObservation | None = None
-        self.arena: ArenaEstimate | None = None
-        self.monitor: CollisionMonitorState | None = None
-        self.assembly: AssemblyProgress | None = None
-        self.path: AssemblyPath | None = None
-        self.belief = Belief()
+        self.estimates = Estimates()
         try:
             self._robot = build()
         except ProgramFailedError as error:
@@ -97,16 +82,12 @@ class FailSafeRobot(Generic[R]):
 
     def _decide(self, robot: R, now_ns: int) -> Action:
         action = robot.step(now_ns)
-        self.assembly, self.path = robot.assembly, robot.path  # these may fail as well
-        self.estimate, self.los, self.arena = robot.estimate, robot.los, robot.arena
-        self.monitor, self.belief = robot.monitor, robot.belief
-        self._action = action
+        self._action, self.estimates = action, robot.estimates
         return action
 
     def _stop(self, error: ProgramFailedError) -> None:
         self.failure, self._robot = error, None
-        self.estimate = self.los = self.arena = self.monitor = self.assembly = self.path = None
-        self.belief = Belief(reason=str(error))
+        self.estimates = Estimates(belief=Belief(reason=str(error)))
 
 
 class FailSafeLedRobot(FailSafeRobot[LedRobot]):

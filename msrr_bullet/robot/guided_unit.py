@@ -7,6 +7,7 @@ from typing import Any
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.robot.autonomy import Autonomy
 from msrr_bullet.robot.drive_watch import DriveWatch
+from msrr_bullet.robot.interface import Estimates
 from msrr_bullet.robot.route_program import RouteProgram
 from msrr_bullet.robot.unit_programs import UnitPrograms
 from msrr_control.shapes.bodies import ACTIVE_PORT
@@ -15,19 +16,12 @@ from msrr_perception.tracking.body_track import SeenPoses
 from msrr_scenes.messages import (
     OVERHEAD,
     Action,
-    ArenaEstimate,
-    AssemblyPath,
-    AssemblyProgress,
-    Belief,
-    CollisionMonitorState,
     Conviction,
     Detections,
     Exposure,
     FailureReason,
     Fetch,
-    LosObservation,
     Phase,
-    PoseEstimate,
     SensorMessage,
     WheelOdometry,
 )
@@ -80,44 +74,12 @@ class GuidedUnit:
         self.docked_to = docked_to
         self.dock_step: DockStep | None = None
 
-    # What is shown of the present program.
-
     @property
-    def estimate(self) -> PoseEstimate | None:
-        """Estimate of the pose in the dock frame of the target."""
-        return None if self._docking is None else self._docking.estimate
-
-    @property
-    def los(self) -> LosObservation | None:
-        """Line of sight to the target."""
-        return None if self._docking is None else self._docking.los
-
-    @property
-    def arena(self) -> ArenaEstimate | None:
-        """Estimate of all bodies in the arena."""
-        return None if self._program is None else self._program.arena
-
-    @property
-    def monitor(self) -> CollisionMonitorState | None:
-        """Decision of the collision monitor on the last command."""
-        return None if self._program is None else self._program.monitor
-
-    @property
-    def assembly(self) -> AssemblyProgress | None:
-        """Progress along the route; None while the unit docks or undocks."""
-        far = self._program is not None and self._program.phase is Phase.ASSEMBLE
-        return self._guided.progress if far and self._guided is not None else None
-
-    @property
-    def path(self) -> AssemblyPath | None:
-        """Path of the route that is followed or was followed last."""
-        return None if self._guided is None else self._guided.path
-
-    @property
-    def belief(self) -> Belief:
-        """Belief about the docking or undocking of the present route."""
-        own = Belief() if self._program is None else self._program.belief
-        return self._drive_watch.belief or own
+    def estimates(self) -> Estimates:
+        """What the program of the present route estimates and believes; nothing between two routes."""
+        shown = Estimates() if self._program is None else self._program.estimates
+        seized = self._drive_watch.belief
+        return shown if seized is None else shown._replace(belief=seized)
 
     @property
     def active(self) -> bool:
@@ -196,7 +158,7 @@ class GuidedUnit:
             progress=self._covered,
             mode=self._mode(),
             docked_to=self.docked_to,
-            stopping=() if guard is None else guard.stopping(self.arena, now_ns),
+            stopping=() if guard is None else guard.stopping(self.estimates.arena, now_ns),
             reason=self._action.reason,
         )
 
@@ -207,7 +169,7 @@ class GuidedUnit:
 
     def _mode(self) -> UnitMode:
         if self._action.phase is Phase.FAILED:
-            lost = self.belief.setback is FailureReason.NOT_LOCALISED
+            lost = self.estimates.belief.setback is FailureReason.NOT_LOCALISED
             return UnitMode.LOST if lost else UnitMode.FAILED
         if self.docked_to is not None:
             return UnitMode.DOCKED
@@ -240,7 +202,7 @@ class GuidedUnit:
         if not newest.unlock:
             self._drive()
             return
-        if docked is None or docked.belief.conviction is not Conviction.DOCKED:
+        if docked is None or docked.estimates.belief.conviction is not Conviction.DOCKED:
             assert self.docked_to is not None
             docked = self._program_at(self.docked_to, docked=True)
         self._program = self._docking = docked
@@ -272,8 +234,8 @@ class GuidedUnit:
         authority, program = self._authority, self._program
         assert authority is not None
         assert program is not None
+        X = program.estimates.pose
         if self.leaving:
-            X = self.estimate
             if X is not None:
                 gap = -(X.X_DU.x + self._offset)
                 self._covered = max(self._covered, min(gap, authority.legs[0].end))
@@ -282,7 +244,7 @@ class GuidedUnit:
             return
         covered = 0.0 if self._guided is None else self._guided.covered
         if program is self._docking and program.phase is not Phase.ASSEMBLE:
-            length, X = authority.legs[-1].end, self.estimate
+            length = authority.legs[-1].end
             if program.phase is Phase.DONE:
                 covered = length
             elif X is not None:  # without a sight of the port the unit has covered no part of its dock leg

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Iterator
+from typing import NamedTuple, Protocol
 
 from msrr_perception.tracking.body_track import SeenPoses
 from msrr_scenes.messages import (
@@ -21,6 +22,38 @@ from msrr_scenes.messages import (
 )
 from msrr_scenes.messages.coordination import Authority, UnitReport
 from msrr_scenes.specs.plan import DockStep
+
+
+class Estimates(NamedTuple):
+    """What a robot estimates and believes at one decision, in the order of the log.
+
+    Attributes:
+        pose: Pose of the unit in the dock frame on which the decision was based; None before one is known.
+        los: Line of sight to the target on which it was based; None before the first.
+        arena: Poses of all bodies on which it was based; None without an overhead camera.
+        monitor: What the collision monitor made of the command; None without an overhead camera.
+        assembly: Progress of the long-distance phase; None in other phases.
+        path: Path that the long-distance phase follows or followed last; None before one.
+        belief: What the robot believes about the outcome of the step.
+    """
+
+    pose: PoseEstimate | None = None
+    los: LosObservation | None = None
+    arena: ArenaEstimate | None = None
+    monitor: CollisionMonitorState | None = None
+    assembly: AssemblyProgress | None = None
+    path: AssemblyPath | None = None
+    belief: Belief = Belief()
+
+    def messages(self, last: Estimates) -> Iterator[object]:
+        """Yield what a log holds of this decision: all that is known, and the path if it is a new one.
+
+        Args:
+            last: The estimates of the decision before.
+        """
+        for message in self:
+            if message is not None and message is not last.path:
+                yield message
 
 
 class CameraReader(Protocol):
@@ -54,38 +87,8 @@ class ObservableRobot(Robot, Protocol):
     """A robot that shows its estimates, such as :class:`msrr_bullet.robot.autonomy.Autonomy`."""
 
     @property
-    def estimate(self) -> PoseEstimate | None:
-        """Pose estimate on which the last decision was based."""
-        ...
-
-    @property
-    def los(self) -> LosObservation | None:
-        """Line of sight on which the last decision was based."""
-        ...
-
-    @property
-    def arena(self) -> ArenaEstimate | None:
-        """Estimate of all bodies in the arena on which the last decision was based."""
-        ...
-
-    @property
-    def monitor(self) -> CollisionMonitorState | None:
-        """Decision of the collision monitor on the last command; None without an overhead camera."""
-        ...
-
-    @property
-    def assembly(self) -> AssemblyProgress | None:
-        """Progress of the long-distance phase at the last decision; None in other phases."""
-        ...
-
-    @property
-    def path(self) -> AssemblyPath | None:
-        """Path that the long-distance phase follows or followed last."""
-        ...
-
-    @property
-    def belief(self) -> Belief:
-        """Belief of the robot about the outcome of the step."""
+    def estimates(self) -> Estimates:
+        """What the robot estimates and believes, as of its last decision."""
         ...
 
 

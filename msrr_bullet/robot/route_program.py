@@ -6,15 +6,14 @@ from typing import Any
 
 from msrr_bullet.profiler import NullProfiler, Profiler
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
+from msrr_bullet.robot.interface import Estimates
 from msrr_bullet.robot.overhead_localizer import OverheadLocalizer
 from msrr_bullet.robot.wheel_speed import WheelSpeed
 from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.staging.guided_assembler import GuidedAssembler
 from msrr_scenes.messages import (
     Action,
-    ArenaEstimate,
     Belief,
-    CollisionMonitorState,
     Conviction,
     Phase,
     SensorMessage,
@@ -29,10 +28,8 @@ class RouteProgram:
 
     Attributes:
         phase: ``assemble`` on the way, ``done`` at its end, ``failed`` after giving up.
-        arena: Estimate of all bodies on which the last decision was based.
         guard: Collision monitor.
-        monitor: Decision of the collision monitor on the last command.
-        belief: What the unit says of its way.
+        estimates: What the unit estimates and says of its way, as of its last decision.
     """
 
     def __init__(
@@ -58,10 +55,8 @@ class RouteProgram:
         self._speed = WheelSpeed(geometry.wheel_radius, geometry.track)
         self._profiler = profiler or NullProfiler()
         self.phase = Phase.ASSEMBLE
-        self.arena: ArenaEstimate | None = None
-        self.monitor: CollisionMonitorState | None = None
+        self.estimates = Estimates()
         self._passed: Twist | None = None
-        self.belief = Belief()
 
     def receive(self, message: SensorMessage) -> None:
         """Process a message that arrives now."""
@@ -70,21 +65,22 @@ class RouteProgram:
 
     def step(self, now_ns: int) -> Action:
         """Return the action of one control instant."""
-        self.arena = self._overhead.estimate(now_ns, None)
-        twist, reason = Twist(), self.belief.reason
+        arena = self._overhead.estimate(now_ns, None)
+        belief = self.estimates.belief
+        twist, reason = Twist(), belief.reason
         if self.phase is Phase.ASSEMBLE:
             observation = Observation(
                 now_ns,
                 twist=self._speed.twist,
-                arena=self.arena,
+                arena=arena,
                 overhead_exposed_ns=self._overhead.newest_ns,
-                monitor=self.monitor,
+                monitor=self.estimates.monitor,
                 passed=self._passed,
             )
             decision = self._guided.step(observation)
             if isinstance(decision, GiveUp):
                 self.phase, reason = Phase.FAILED, decision.reason
-                self.belief = Belief(Conviction.GAVE_UP, decision.failure, reason)
+                belief = Belief(Conviction.GAVE_UP, decision.failure, reason)
             elif self._guided.finished:
                 self.phase, reason = Phase.DONE, "at the end of the route"
             elif decision is not None:
@@ -93,7 +89,14 @@ class RouteProgram:
                 if progress is not None:
                     reason = f"{progress.stage}: {progress.reason}{observation.held}"
         with self._profiler("collision monitor"):
-            limited = self.guard.limit(twist, self.arena, now_ns)
-        self.monitor, self._passed = limited.message(self._unit, now_ns), limited.twist
+            limited = self.guard.limit(twist, arena, now_ns)
+        self._passed = limited.twist
+        self.estimates = Estimates(
+            arena=arena,
+            monitor=limited.message(self._unit, now_ns),
+            assembly=self._guided.progress if self.phase is Phase.ASSEMBLE else None,
+            path=self._guided.path,
+            belief=belief,
+        )
         action = Action(now_ns, self.phase, 1, twist, reason=reason)
         return action if limited.twist is twist else action.with_twist(limited.twist)

@@ -87,7 +87,8 @@ class DockingStep:
         self.judge = Judge(simulation, environment.clearance, environment.locked, step)
         now_ns = self._started_ns = plant.now_ns()
         recorder.write(topics.STEPS, now_ns, StepStart(now_ns, index, step.unit, step.port, step.to))
-        self._onboard, self._overhead = ExposureTally(robot.estimate), ExposureTally(robot.arena)
+        shown = robot.estimates
+        self._onboard, self._overhead = ExposureTally(shown.pose), ExposureTally(shown.arena)
         self._attempts: list[AttemptRecord] = []
         self._assembly_instants: list[ControlInstant] = []
         self._deadline_ns = duration_ns(scene.time_limit_s)
@@ -116,8 +117,8 @@ class DockingStep:
             self._attempts.append(self._record(last, action.reason))
             self._set_plug(action.attempt)
         self.judge.decide(action)
-        self._onboard.add(self.robot.estimate)
-        self._overhead.add(self.robot.arena)
+        self._onboard.add(self.robot.estimates.pose)
+        self._overhead.add(self.robot.estimates.arena)
         self._collect_assembly(action)
 
     def watches(self) -> bool:
@@ -126,7 +127,7 @@ class DockingStep:
 
     def observe(self, now_ns: int) -> None:
         """Let the judge observe pins and seat after a tick of the physics, while it :meth:`watches`."""
-        self.judge.tick(now_ns, self.action.attempt, lambda: self.robot.estimate)
+        self.judge.tick(now_ns, self.action.attempt, lambda: self.robot.estimates.pose)
 
     def note_clearance(self, distance: float) -> None:
         """Take note of the smallest clearance of all bodies at this instant [m]."""
@@ -154,7 +155,7 @@ class DockingStep:
         self._closed = plant.lock_position(unit) is LockPosition.CLOSED
         self._engaged = plant.lock_engaged(unit)
         plant.command(unit, Twist())
-        self._belief = self.robot.belief
+        self._belief = self.robot.estimates.belief
         self.verdict = verdict
         for camera, tally in (("onboard", self._onboard), ("overhead", self._overhead)):
             if warning := tally.warning(camera):
@@ -170,7 +171,7 @@ class DockingStep:
     def _verdict_gave_up(self) -> Verdict:
         if self.undocks:
             return Verdict(Outcome.GAVE_UP if self._has_parted() else Outcome.STUCK)
-        return self.judge.verdict_gave_up(self.robot.belief.setback, self.runner.ever_detected)
+        return self.judge.verdict_gave_up(self.robot.estimates.belief.setback, self.runner.ever_detected)
 
     def _has_parted(self) -> bool:
         """Return whether the unit is clear of the port and its lock holds nothing."""
@@ -198,7 +199,7 @@ class DockingStep:
                 self.runner.decide(now_ns)
                 report(now_ns)
             plant.step()
-        self._belief = self.robot.belief
+        self._belief = self.robot.estimates.belief
 
     def result(self) -> StepResult:
         """Return the result of a step that has ended."""
@@ -236,7 +237,7 @@ class DockingStep:
 
     def _collect_assembly(self, action: Action) -> None:
         """Store the true pose of the unit during the long-distance phase."""
-        assembly = self.robot.assembly
+        assembly = self.robot.estimates.assembly
         if assembly is not None:
             true = {self.step.unit: self._plant.pose(self.step.unit)}
             self._assembly_instants.append(ControlInstant(action, assembly=assembly, true=true))
@@ -262,7 +263,7 @@ class DockingStep:
                 self._plant.set_plug(fault.unit, fault.port, attempt in fault.attempts)
 
     def _record(self, last: Action, reason: str) -> AttemptRecord:
-        estimate = self.robot.estimate
+        estimate = self.robot.estimates.pose
         return AttemptRecord(
             ended_s=seconds(last.stamp_ns),
             phase=last.phase,

@@ -165,10 +165,10 @@ def _level(outcome: Outcome) -> Level:
 
 def _believed(step: DockingStep) -> SE2 | None:
     """Return the pose X_DU that the unit believes to have; None while it believes none."""
-    robot = step.robot
-    if step.action.phase is Phase.ASSEMBLE and robot.arena is not None:
-        return pose_in_dock_frame(robot.arena, step.judge.X_TD)
-    return robot.estimate.X_DU if robot.estimate else None
+    shown = step.robot.estimates
+    if step.action.phase is Phase.ASSEMBLE and shown.arena is not None:
+        return pose_in_dock_frame(shown.arena, step.judge.X_TD)
+    return shown.pose.X_DU if shown.pose else None
 
 
 def _progress(step: DockingStep) -> Progress:

@@ -13,16 +13,12 @@ from msrr_bullet.log import LogHeader, topics
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.log.records import JUDGE, Event, StepStart, TruePose
 from msrr_bullet.replay.recorded_robot import RecordedRobot
-from msrr_bullet.robot.interface import ObservableRobot
+from msrr_bullet.robot.interface import Estimates, ObservableRobot
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Action,
-    ArenaEstimate,
-    AssemblyPath,
-    AssemblyProgress,
     Belief,
-    CollisionMonitorState,
     Detections,
     Exposure,
     Fetch,
@@ -58,13 +54,7 @@ class HashRobot:
 
     def __init__(self, scene: Scene, step: DockStep) -> None:
         self._state = hashlib.sha256(step.to.encode())
-        self.estimate: PoseEstimate | None = None
-        self.los: LosObservation | None = None
-        self.belief = Belief()
-        self.arena: ArenaEstimate | None = None
-        self.monitor: CollisionMonitorState | None = None
-        self.assembly: AssemblyProgress | None = None
-        self.path: AssemblyPath | None = None
+        self.estimates = Estimates()
         self._steps = 0
 
     def uses_camera(self, camera: str) -> bool:
@@ -96,10 +86,11 @@ class HashRobot:
         self._state.update(f"step {now_ns}".encode())
         self._steps += 1
         x = self._number()
+        self.estimates = Estimates(belief=Belief(reason=f"{x}"))
         if self._steps > 3:  # no estimates at first
-            self.estimate = PoseEstimate(now_ns, SE2(x, 1.0, -x), x * np.eye(3), now_ns)
-            self.los = LosObservation(now_ns, x, -x, 0.1, LosStatus.SEEN)
-        self.belief = Belief(reason=f"{x}")
+            pose = PoseEstimate(now_ns, SE2(x, 1.0, -x), x * np.eye(3), now_ns)
+            los = LosObservation(now_ns, x, -x, 0.1, LosStatus.SEEN)
+            self.estimates = self.estimates._replace(pose=pose, los=los)
         return Action(now_ns, Phase.DOCK, 1, Twist(x, 1.0 - x))
 
 

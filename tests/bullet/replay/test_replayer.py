@@ -20,6 +20,7 @@ from msrr_bullet.replay.log_replay import replay
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import (
     Action,
+    AssemblyPath,
     Belief,
     Detections,
     Exposure,
@@ -55,14 +56,15 @@ def differing(robot: Any, what: str) -> Any:
                 return Action(
                     now_ns, action.phase, 1, Twist(float(np.nextafter(action.twist.v, 2.0)), action.twist.w)
                 )
-            if what == "estimate" and self.estimate:
-                covariance = self.estimate.covariance.copy()
+            if what == "estimate" and (pose := self.estimates.pose):
+                covariance = pose.covariance.copy()
                 covariance[2, 0] = -0.0
-                self.estimate = PoseEstimate(now_ns, self.estimate.X_DU, covariance, now_ns)
+                pose = PoseEstimate(now_ns, pose.X_DU, covariance, now_ns)
+                self.estimates = self.estimates._replace(pose=pose)
             if what == "los":
-                self.los = None
+                self.estimates = self.estimates._replace(los=None)
             if what == "belief":
-                self.belief = Belief(reason="other")
+                self.estimates = self.estimates._replace(belief=Belief(reason="other"))
             return action
 
         def expose(self, exposure: Exposure, fetch: Fetch) -> Detections | None:
@@ -115,6 +117,22 @@ def test_a_robot_with_an_unrecorded_input_differs(tmp_path: Path) -> None:
 
     record(tmp_path, factory=Informed)
     assert not replay(tmp_path, HashRobot).identical
+
+
+def test_a_path_that_is_hidden_for_a_while_is_logged_again_and_replayed(tmp_path: Path) -> None:
+    """As a long-distance phase of a user's own may hide it."""
+    path = AssemblyPath(0, 1, "arc", ((0.0, 0.0), (1.0, 0.0)), "because")
+
+    class Hiding(HashRobot):
+        def step(self, now_ns: int) -> Action:
+            action = super().step(now_ns)
+            hides = 10 < self._steps <= 20
+            self.estimates = self.estimates._replace(path=None if hides else path)
+            return action
+
+    record(tmp_path, factory=Hiding)
+    assert len(list(read_log(tmp_path).messages(AssemblyPath))) == 2 * 2, "in each of two steps"
+    assert replay(tmp_path, Hiding).identical
 
 
 def test_the_log_of_a_killed_trial_is_compared_to_its_end(tmp_path: Path, recorded_run: Path) -> None:

@@ -118,8 +118,9 @@ def test_while_docking_the_monitor_ignores_the_target_alone(blocked: bool) -> No
 
 
 def _own(robot: Robot) -> SE2:
-    assert robot.autonomy.arena is not None
-    return robot.autonomy.arena.own.X_WB
+    arena = robot.autonomy.estimates.arena
+    assert arena is not None
+    return arena.own.X_WB
 
 
 def _same(a: SE2, b: SE2, atol: float = 1e-3) -> None:
@@ -156,12 +157,12 @@ def test_on_the_way_to_the_port_the_overhead_camera_corrects_the_onboard_camera(
     for _ in range(8):
         action = robot.step(robot.X_WD @ X_DU @ SE2(0.0, apart), X_DU)
     assert action.phase is Phase.DOCK
-    assert robot.autonomy.estimate is not None
-    assert 0.2 * apart < robot.autonomy.estimate.X_DU.y < 0.8 * apart
-    on_the_way = robot.autonomy.estimate.X_DU.y
+    assert robot.autonomy.estimates.pose is not None
+    assert 0.2 * apart < robot.autonomy.estimates.pose.X_DU.y < 0.8 * apart
+    on_the_way = robot.autonomy.estimates.pose.X_DU.y
     in_port = SE2(-0.11, 0.0, 0.0)
     for _ in range(8):  # carried there, which the filter takes some frames to believe
         robot.step(robot.X_WD @ in_port, in_port)
     assert robot.autonomy.phase is Phase.DOCK
-    assert robot.autonomy.estimate.X_DU.x > -0.12
-    assert robot.autonomy.estimate.X_DU.y == pytest.approx(on_the_way, abs=1e-4)
+    assert robot.autonomy.estimates.pose.X_DU.x > -0.12
+    assert robot.autonomy.estimates.pose.X_DU.y == pytest.approx(on_the_way, abs=1e-4)

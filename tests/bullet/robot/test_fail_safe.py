@@ -8,14 +8,26 @@ from typing import Any
 import pytest
 
 from msrr_bullet.robot.fail_safe import FailSafeLedRobot, FailSafeRobot, led_robot
+from msrr_bullet.robot.interface import Estimates
 from msrr_scenes.errors import ProgramFailedError, SceneError
-from msrr_scenes.messages import Action, Belief, Conviction, Exposure, Phase, Twist, WheelOdometry
+from msrr_scenes.messages import (
+    Action,
+    Belief,
+    Conviction,
+    Exposure,
+    LosObservation,
+    LosStatus,
+    Phase,
+    Twist,
+    WheelOdometry,
+)
 from msrr_scenes.messages.coordination import Authority, LegKind, RouteLeg, UnitMode
 from msrr_scenes.specs.plan import DockStep
 from tests.bullet.robot.conftest import locked_pair
 
 FAILURE = ProgramFailedError("controller 'mine:Law', mine.py line 3: step returned None; expected a Twist")
 EXPOSURE = Exposure("a/onboard", 0, 0)
+LOS = LosObservation(0, 0.1, -0.1, 0.1, LosStatus.SEEN)
 
 
 class Fragile:
@@ -23,16 +35,11 @@ class Fragile:
 
     def __init__(self) -> None:
         self.fails_in = ""
-        self.estimate = self.los = self.arena = self.monitor = self.assembly = "something"
-        self.belief = Belief(Conviction.DOCKED)
+        self.estimates = Estimates(los=LOS, belief=Belief(Conviction.DOCKED))
 
     def _try(self, what: str) -> Any:
         if what == self.fails_in:
             raise FAILURE
-
-    @property
-    def path(self) -> Any:
-        return self._try("path")
 
     def uses_camera(self, camera: str) -> bool:
         return True
@@ -48,12 +55,12 @@ class Fragile:
         return Action(now_ns, Phase.LOCK, 2, Twist(0.1, 0.2), lock=True, reason="seated")
 
 
-@pytest.mark.parametrize("fails_in", ["expose", "receive", "step", "path"])
+@pytest.mark.parametrize("fails_in", ["expose", "receive", "step"])
 def test_it_stands_still_from_its_failure_on(fails_in: str) -> None:
     inner: Any = Fragile()
     robot = FailSafeRobot(lambda: inner)
     assert robot.step(1) == inner.step(1)
-    assert (robot.failure, robot.estimate, robot.belief) == (None, "something", inner.belief)
+    assert (robot.failure, robot.estimates) == (None, inner.estimates)
     assert robot.uses_camera("a/onboard")
 
     inner.fails_in = fails_in
@@ -63,9 +70,7 @@ def test_it_stands_still_from_its_failure_on(fails_in: str) -> None:
         stop = Action(now_ns, Phase.LOCK, 2, Twist(), lock=True, reason=str(FAILURE))
         assert robot.step(now_ns) == stop
     assert robot.failure is FAILURE
-    shown = (robot.estimate, robot.los, robot.arena, robot.monitor, robot.assembly, robot.path)
-    assert shown == (None,) * 6
-    assert robot.belief == Belief(reason=str(FAILURE))
+    assert robot.estimates == Estimates(belief=Belief(reason=str(FAILURE)))
     assert not robot.uses_camera("a/onboard"), "no more frames are exposed"
     assert robot.expose(EXPOSURE, lambda window: None) is None
 
@@ -126,6 +131,7 @@ class FragileDocker(Fragile):
         self.lock, self.docked_to = lock, docked_to
 
     def step(self, now_ns: int) -> Action:
+        self._try("step")
         return Action(now_ns, Phase.LOCK if self.lock else Phase.DOCK, 1, lock=self.lock)
 
 
@@ -144,7 +150,7 @@ def test_one_that_fails_near_a_port_hangs_in_it_unless_it_has_never_closed_its_l
     inner: Any = FragileDocker(lock, docked_to)
     robot = FailSafeLedRobot("b", lambda: inner, docked_to="c.left")  # it was in another port at the start
     robot.step(1)
-    inner.fails_in = "path"
+    inner.fails_in = "step"
     robot.step(2)
     report = robot.report(2)
     assert (report.mode, report.route, report.docked_to) == (UnitMode.FAILED, 3, port)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from msrr_bullet.robot.guided_unit import GuidedUnit
+from msrr_bullet.robot.interface import Estimates
 from msrr_perception.tracking.body_track import SeenPose, SeenPoses
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     OVERHEAD,
     Action,
-    Belief,
     Exposure,
     FailureReason,
     GlobalPose,
@@ -37,9 +37,7 @@ def test_a_route_without_legs_ends_where_the_unit_stands() -> None:
         {"name": "one", "units": {"a": {"number": 0}}, "cameras": {"overhead": {}}, "shape": {"line": 1}}
     )
     unit = GuidedUnit(scene, "a")
-    shown = (unit.estimate, unit.los, unit.arena, unit.monitor, unit.assembly, unit.path, unit.dock_step)
-    assert shown == (None,) * 7
-    assert unit.belief == Belief()
+    assert (unit.estimates, unit.dock_step) == (Estimates(), None)
     report = unit.report(0)
     assert (report.seq, report.route, report.progress, report.mode) == (0, 0, 0.0, UnitMode.STANDING)
     unit.authorise(Authority("a", 1, 1, 0, 3_000_000_000, 0.0, (), None, False))
@@ -77,9 +75,9 @@ def test_a_new_route_begins_with_what_was_seen_before() -> None:
         now_ns = 200_000_000 * route
         unit.step(now_ns)
         assert unit.route == route
-        assert unit.arena is not None
-        assert [o.name for o in unit.arena.obstacles] == ["post"]
-        assert (unit.path is not None) is (leg is path), "of a turn there is none"
+        assert unit.estimates.arena is not None
+        assert [o.name for o in unit.estimates.arena.obstacles] == ["post"]
+        assert (unit.estimates.path is not None) is (leg is path), "of a turn there is none"
 
 
 @pytest.mark.parametrize("turn", [1.0, -1.0])
@@ -103,7 +101,7 @@ def test_a_route_is_reported_from_its_first_command_to_its_end(turn: float) -> N
         report = unit.report(now_ns)
         assert (report.seq, report.route, report.docked_to) == (1, 1, None)
         assert report.progress == pytest.approx(0.1 * abs(yaw), abs=0.005)
-        assert (unit.assembly is not None) is (unit.active and unit.arena is not None)
+        assert (unit.estimates.assembly is not None) is (unit.active and unit.estimates.arena is not None)
         assert (report.mode is UnitMode.DRIVING) is (abs(w) >= 0.03)
         told.append((report.mode, unit.active))
     changes = [now for before, now in pairwise(told) if now != before]
@@ -252,9 +250,10 @@ def test_a_unit_docks_and_leaves_its_port_and_reports_the_way() -> None:
             assert not rig.unit.uses_camera(OVERHEAD), "the base station reads its pictures"
             far = rig.action.phase is Phase.ASSEMBLE
             assert rig.unit.uses_camera("b/onboard") is not far
-            shown.append((rig.unit.los is not None, rig.unit.monitor is not None))
+            estimates = rig.unit.estimates
+            shown.append((estimates.los is not None, estimates.monitor is not None))
             assert rig.report.progress <= way
-            if rig.unit.estimate is not None:
+            if estimates.pose is not None:
                 assert rig.report.progress == pytest.approx(way - rig.gap, abs=0.01)
         reports = rig.reports[begun:]
         assert {report.route for report in reports} == {route}
@@ -266,7 +265,7 @@ def test_a_unit_docks_and_leaves_its_port_and_reports_the_way() -> None:
         half = next(report for report in reports if report.progress > 0.5 * way)
         assert (half.mode, half.docked_to) == (UnitMode.DOCKING, None)
         assert half.progress < 0.55 * way
-        assert rig.unit.assembly is None
+        assert rig.unit.estimates.assembly is None
         if route == 3:
             return
 
@@ -282,7 +281,7 @@ def test_a_unit_docks_and_leaves_its_port_and_reports_the_way() -> None:
             rig.step()
         assert rig.gap == pytest.approx(0.3, abs=0.02)
         assert rig.report.progress >= 0.3
-        assert (rig.report.docked_to, rig.unit.dock_step, rig.unit.estimate) == (None, None, None)
+        assert (rig.report.docked_to, rig.unit.dock_step, rig.unit.estimates.pose) == (None, None, None)
         assert not rig.action.lock
         modes, intends = {UnitMode.STANDING}, False
         while rig.unit.active:
@@ -311,7 +310,7 @@ def test_a_unit_that_only_leaves_its_port_is_on_standby_then() -> None:
         rig.step()
     assert (rig.reports[-2].progress, rig.action.reason) == (0.2, "on standby")
     assert rig.gap == pytest.approx(0.2, abs=0.02)
-    assert (rig.unit.dock_step, rig.unit.estimate, rig.unit.docked_to) == (None, None, None)
+    assert (rig.unit.dock_step, rig.unit.estimates.pose, rig.unit.docked_to) == (None, None, None)
     rig.run()
     assert (rig.report.route, rig.report.mode) == (2, UnitMode.STANDING)
 
@@ -379,7 +378,7 @@ def test_a_unit_that_is_to_stay_where_it_stands_has_no_dock_any_more() -> None:
     assert rig.unit.dock_step is not None
     rig.grant(2)
     assert rig.step().twist == Twist()
-    assert (rig.unit.dock_step, rig.unit.estimate, rig.report.mode) == (None, None, UnitMode.STANDING)
+    assert (rig.unit.dock_step, rig.unit.estimates.pose, rig.report.mode) == (None, None, UnitMode.STANDING)
 
 
 def test_a_route_that_may_not_be_driven_is_not_begun() -> None:
@@ -395,7 +394,7 @@ def test_a_unit_whose_wheels_stand_gives_up_and_stays_where_it_is() -> None:
     rig.seized = True
     rig.grant(1, rig.leg(LegKind.REVERSE, 0.0, 0.3))
     rig.run()
-    assert rig.unit.belief.setback is FailureReason.SEIZED
+    assert rig.unit.estimates.belief.setback is FailureReason.SEIZED
     assert (rig.report.mode, rig.action.twist, rig.action.phase) == (UnitMode.FAILED, Twist(), Phase.FAILED)
     assert "the drive has seized" in rig.report.reason
     rig.grant(2, rig.leg(LegKind.REVERSE, 0.0, 0.2))

@@ -82,8 +82,9 @@ def test_a_route_stays_in_the_arena_however_far_off_the_overhead_camera_sees_the
         for name, X_WU in (("d", SE2(-0.53, -1.03, 0.77)), ("b", SE2(0.51, 0.15, 0.07))):
             robot.receive(GlobalPose(name, k * DT_NS, X_WU, 1e-6 * np.eye(3)))
         robot.step(k * DT_NS)
-    assert robot.path is not None
-    x, y = min(robot.path.points, key=lambda point: point[1])
+    path = robot.estimates.path
+    assert path is not None
+    x, y = min(path.points, key=lambda point: point[1])
     errors = OverheadModel.from_scene(scene, ("d",)).errors_of(GlobalPose("d", 0, SE2(x, y), np.eye(3)))
     assert errors is not None
     sigma = float(np.sqrt((errors.own + errors.shared)[1, 1]))

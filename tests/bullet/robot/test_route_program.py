@@ -66,15 +66,16 @@ def test_it_turns_as_its_route_does_once_it_has_been_seen(scene: Scene) -> None:
     programs = UnitPrograms(scene, "a")
     program = _granted(programs)
     action = program.step(PERIOD_NS)
-    assert (action.twist, action.phase, program.arena) == (Twist(), Phase.ASSEMBLE, None)
+    assert (action.twist, action.phase, program.estimates.arena) == (Twist(), Phase.ASSEMBLE, None)
     _see(programs, 2 * PERIOD_NS, a=SE2())
     action = program.step(2 * PERIOD_NS)
-    assert program.arena is not None
+    assert program.estimates.arena is not None
     assert action.twist.w > 0.1
     assert action.twist.v == 0.0
     assert (action.stamp_ns, action.phase, action.reason[:5]) == (2 * PERIOD_NS, Phase.ASSEMBLE, "turn:")
-    assert program.monitor is not None
-    assert (program.monitor.stamp_ns, program.monitor.state) == (2 * PERIOD_NS, MonitorState.FREE)
+    monitor = program.estimates.monitor
+    assert monitor is not None
+    assert (monitor.stamp_ns, monitor.state) == (2 * PERIOD_NS, MonitorState.FREE)
 
 
 def test_only_what_its_collision_monitor_lets_pass_is_commanded(scene: Scene) -> None:
@@ -85,10 +86,11 @@ def test_only_what_its_collision_monitor_lets_pass_is_commanded(scene: Scene) ->
     _see(programs, 0, a=SE2(), post=SE2(0.5 * float(corner[0]), float(corner[1]) + 0.06 + 0.02))
     for k in range(1, 10):
         action = program.step(k * PERIOD_NS)
-        assert program.monitor is not None
-        states.append(program.monitor.state)
-        assert program.monitor.body == "post"
-        assert (action.twist == Twist()) is (program.monitor.state is MonitorState.STOP)
+        monitor = program.estimates.monitor
+        assert monitor is not None
+        states.append(monitor.state)
+        assert monitor.body == "post"
+        assert (action.twist == Twist()) is (monitor.state is MonitorState.STOP)
     assert MonitorState.STOP in states
 
 
@@ -100,7 +102,7 @@ def test_one_that_is_not_seen_gives_up_and_stands(scene: Scene) -> None:
         assert program.step(now_ns).twist == Twist()
         assert now_ns < 600 * S
     for later_ns in (now_ns, now_ns + S):
-        belief = program.belief
+        belief = program.estimates.belief
         assert (belief.conviction, belief.setback) == (Conviction.GAVE_UP, FailureReason.NOT_LOCALISED)
         _see(programs, later_ns, a=SE2())  # too late
         action = program.step(later_ns + 1)
@@ -120,7 +122,7 @@ def test_one_that_faces_the_end_of_its_route_is_done_when_its_wheels_stand(scene
             assert action.attempt == 1
             assert action.phase is Phase.ASSEMBLE or not turns
     assert (action.phase, action.twist) == (Phase.DONE, Twist())
-    assert program.belief.conviction is not Conviction.GAVE_UP
+    assert program.estimates.belief.conviction is not Conviction.GAVE_UP
 
 
 def test_a_unit_stops_as_far_ahead_as_it_takes_to_react_and_to_brake() -> None:
@@ -139,8 +141,8 @@ def test_a_route_into_the_open_waits_for_no_sight_of_the_target_before(scene: Sc
     assert programs.overhead.estimate(1, None) is None
     program = _granted(programs)
     program.step(PERIOD_NS)
-    assert program.arena is not None
-    assert program.arena.target is None
+    assert program.estimates.arena is not None
+    assert program.estimates.arena.target is None
 
 
 @pytest.mark.parametrize("single", [False, True])
