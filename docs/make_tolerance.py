@@ -41,9 +41,9 @@ FIRST = """\
 ## One by one
 *Docks to, and no longer*: two sizes of the effect found by bisection, at the first of which at least 95 %
 of the trials dock, and at the second fewer. An effect uses up as much of *what docking tolerates* as its
-standard deviation is of that size (of 1.96 times that size where it is drawn for each tag), and nothing
-without such a size; both shares are those of squares in the sum of the squares of all effects. First come
-the effects that use up most.
+standard deviation is of that size (of 1.96 times that size where it is drawn for each tag); *no limit
+found* means that it docks at the largest size that was tried, and counts as nothing used up. Both shares
+are those of squares in the sum of the squares of all effects. First come the effects that use up most.
 """
 
 FIGURE_TEXT = """\

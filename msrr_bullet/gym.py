@@ -28,6 +28,7 @@ from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Twist
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.spec import Choice
 
 try:
     import gymnasium
@@ -185,12 +186,14 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
         chosen = next((key for key in overrides if f"{key}.".startswith(f"{_CONTROLLER}.")), None)
         if chosen is not None:
             raise SceneError(f"override {chosen}: the agent is the docking controller here; leave this out")
-        self.scene = load_scene(scene, {**overrides, _CONTROLLER: AGENT})
-        if self.scene.coordinated:
+        loaded = load_scene(scene, overrides)
+        if loaded.coordinated:
             raise SceneError(
-                f"{self.scene.name}: a base station leads several units at a time, and there is one agent; "
+                f"{loaded.name}: a base station leads several units at a time, and there is one agent; "
                 "choose a scene with a plan of docks, such as close_range or two_units"
             )
+        control = loaded.control.model_copy(update={"docking": Choice(name=AGENT)})
+        self.scene = loaded.model_copy(update={"control": control})
         limits, (lowest, highest) = self.scene.limits, zip(*_RANGES, strict=True)
         fastest = np.array([limits.v_close_mps, limits.w_max_radps], dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-fastest, fastest)

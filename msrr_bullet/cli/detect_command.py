@@ -257,11 +257,11 @@ def _detection(found: FoundTag, poses: Sequence[TagPose], scale: float) -> dict[
     """Return a tag as JSON; ``scale`` is what the covariances are multiplied by."""
     tag = found.tag
     return {
-        "id": tag.tag_id,
+        "tag_id": tag.tag_id,
         "family": found.family,
         "corners": tag.corners.tolist(),
         "corner_sigma_px": None if tag.corner_sigma_px is None else tag.corner_sigma_px.tolist(),
-        "margin": tag.decision_margin,
+        "decision_margin": tag.decision_margin,
         "hamming": tag.hamming,
         "refined": found.refined,
         "search": found.search,

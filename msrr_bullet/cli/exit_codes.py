@@ -88,6 +88,9 @@ class ExitCodeGroup(TyperGroup):
             if isinstance(error, RuntimeError) and str(error).startswith(_LOOP):  # of Path.resolve()
                 text = f"{str(error).removeprefix(_LOOP)}: a link that leads back to itself; name a file"
                 raise SystemExit(report_error(text, BAD_INPUT)) from None
+            if isinstance(error, ValueError) and sys.stdout.closed:
+                text = "the standard output was closed before the end; a class of your own must not do that"
+                raise SystemExit(report_error(text, BAD_INPUT)) from None
             traceback.print_exc()
             text = "this is an error of the program; please report it with the lines above"
             raise SystemExit(report_error(text, PROGRAM_ERROR)) from None
@@ -98,6 +101,8 @@ def flush_output(code: int) -> int:
 
     What could not be written is dropped then, for Python would try again at exit, and report that once more.
     """
+    if sys.stdout.closed:  # by a class of the user's own
+        return code
     try:
         sys.stdout.flush()
     except OSError as error:

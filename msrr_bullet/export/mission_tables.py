@@ -67,7 +67,7 @@ MISSION_TABLES = (
             limit_m="arc length up to which the unit may drive, negative if it may not move",
             expires_s="time at which the authority ends, except in the dock leg",
             length_m="arc length of the whole route",
-            to="port at which the route ends",
+            target="port at which the route ends; empty if it ends in the open",
             unlock="1 when the unit is to open its lock before it moves",
         ),
         lambda record, m: [

@@ -62,7 +62,7 @@ ROBOT_TABLES = (
             step="index in the plan, or among the steps that a base station has begun, from 0",
             unit="name of the unit that docks or undocks",
             port="its active port",
-            to="port that it docks to or leaves",
+            target="port that it docks to or leaves",
         ),
         lambda record, m: [] if m.in_the_open else [(time(record.stamp_ns), m.index, m.unit, m.port, m.to)],
     ),

@@ -11,6 +11,12 @@ from msrr_bullet.tolerance.trial_plan import REQUIRED
 
 NONE = "-"
 
+#: Cell of an effect with which docking stays at 95 % and more up to the largest size that was tried.
+NO_LIMIT = "no limit found"
+
+#: Smallest share that is written as a number.
+_LEAST_SHARE = 0.0005
+
 
 def number(value: float) -> str:
     """Return a number with three digits that count."""
@@ -31,7 +37,9 @@ def listed(seeds: Sequence[int]) -> str:
 
 def percent(share: float) -> str:
     """Return a share in percent."""
-    return f"{100 * share:.1f} %" if 0.0005 <= share < 0.0995 else f"{100 * share:.0f} %"
+    if 0.0 < share < _LEAST_SHARE:
+        return "below 0.1 %"
+    return f"{100 * share:.1f} %" if _LEAST_SHARE <= share < 0.0995 else f"{100 * share:.0f} %"
 
 
 def interval(rate: Rate) -> str:
@@ -150,15 +158,20 @@ EFFECT_COLUMNS = (
 
 
 def first_cells(contribution: Contribution) -> list[str]:
-    """Return the cells of an effect in the table of what to build first; see :data:`FIRST_COLUMNS`."""
+    """Return the cells of an effect in the table of what to build first; see :data:`FIRST_COLUMNS`.
+
+    What was not found is no zero: an effect may have a limit beyond the largest size that was tried, and
+    without a contact there is no lateral error.
+    """
     effect = contribution.effect
+    measured = effect.lateral is not None
     return [
         effect.name,
         with_unit(effect.step, effect),
         limit(effect),
-        percent(contribution.used_share),
-        f"{contribution.lateral_mm:.2f}",
-        percent(contribution.lateral_share),
+        NO_LIMIT if effect.threshold is None else percent(contribution.used_share),
+        f"{contribution.lateral_mm:.2f}" if measured else NONE,
+        percent(contribution.lateral_share) if measured else NONE,
     ]
 
 

@@ -22,7 +22,7 @@ from msrr_bullet.timeline.snapshot import Snapshot, phase_name
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.as_built import AsBuilt, as_designed, draw_as_built
 from msrr_scenes.geometry.lens import frame_outline
-from msrr_scenes.messages import OVERHEAD, Phase, carrier_of, seconds
+from msrr_scenes.messages import OVERHEAD, Exposure, Phase, carrier_of, seconds
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.wording import counted
@@ -84,6 +84,17 @@ class DrawingContext:
     def routes(self) -> Routes:
         """Routes that the base station has granted."""
         return Routes(self.scene)
+
+    def instant(self, exposure: Exposure) -> int:
+        """Return the middle of an exposure by the clock of the simulation, which that of the camera is off.
+
+        A view without a frame, of which the number is negative, has its time by that clock.
+        """
+        if exposure.frame < 0:
+            return exposure.stamp_ns
+        unit = carrier_of(exposure.camera)
+        camera = self.built.overhead if unit is None else self.built.units[unit].camera
+        return exposure.stamp_ns if camera is None else camera.instant(exposure.stamp_ns)
 
     def target(self, step: DockStep) -> TargetModel:
         """Return the model that the docking unit has of its target in a step."""

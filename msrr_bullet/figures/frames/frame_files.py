@@ -89,9 +89,10 @@ class FrameAnnotator:
 
 def draw_view(context: DrawingContext, view: CameraView, trial: SnapshotInterpolator) -> AnnotatedFrame:
     """Annotate a frame of a trial, which is known at least up to the time of the frame."""
-    snapshot = trial.at(view.stamp_ns)
+    instant = context.instant(view.exposure)
+    snapshot = trial.at(instant)
     if view.exposure.camera == OVERHEAD:
-        return draw_overhead(context, view, snapshot, trial.until(view.stamp_ns))
+        return draw_overhead(context, view, snapshot, trial.until(instant))
     return draw_onboard(context, view, snapshot)
 
 

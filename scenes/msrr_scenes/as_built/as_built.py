@@ -37,6 +37,10 @@ class BuiltCamera:
         """Return the time that the clock of the camera shows at ``now_ns``; it shows no time before 0."""
         return max(now_ns + self.clock_ahead_ns, 0)
 
+    def instant(self, stamp_ns: int) -> int:
+        """Return when the clock of the camera shows ``stamp_ns``."""
+        return stamp_ns - self.clock_ahead_ns
+
     def mounted(self, X_AB: SE3) -> SE3:
         """Return the true pose of the camera's body frame B in A, given the pose by calibration."""
         return X_AB if self.X_BX is None else X_AB @ self.X_BX

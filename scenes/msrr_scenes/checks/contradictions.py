@@ -21,6 +21,7 @@ from msrr_scenes.specs.scene import Scene
 _OF_PIXELS = {
     *("noise_grey", "shot_grey", "blur_px", "gain", "gamma", "vignetting"),
     *("light_gradient", "light_gradient_deg", "jpeg_quality"),
+    *("exposure_ms", "rolling_shutter_ms", "renderer"),
     *("readout", "localisation", "samples"),
 }
 
@@ -86,6 +87,10 @@ def _without_effect(scene: Scene) -> Iterator[tuple[list[str], str]]:
         yield [f"control.{key}" for key in keys], "without an overhead camera; set cameras.overhead={}"
     if not scene.coordinated:
         yield ["one_by_one", "docking.learn_seats"], "without a base station; set radio={}"
+    if not scene.docks and scene.shape is None:
+        of_attempts = ["attempts", "search_time_s", "stall_time_s", "press_mps"]
+        keys = ["control.docking", *(f"docking.{key}" for key in of_attempts)]
+        yield keys, "in a plan in which no unit docks; give it a step that docks"
     text = "but the time that a trial takes, for robots read windows of it; set cameras.onboard.readout"
     yield ["cameras.overhead.readout"], text
     for name, camera in scene.cameras:

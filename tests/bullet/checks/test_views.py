@@ -33,9 +33,13 @@ def test_no_tag_is_asked_for_in_a_seat_that_is_verified_by_the_switches_alone() 
 
 def _with_plate(folder: Path, x_m: float, y_m: float, width_m: float) -> str:
     """The shipped robot with an upright plate that is only seen."""
+    return _with_box(folder, f"{x_m} {y_m} 0.155", f"0.004 {width_m} 0.16")
+
+
+def _with_box(folder: Path, xyz: str, size: str) -> str:
+    """The shipped robot with a box that is only seen."""
     text = find_urdf("unit.urdf").read_text()
-    shape = f'<geometry><box size="0.004 {width_m} 0.16"/></geometry>'
-    plate = f'<visual><origin xyz="{x_m} {y_m} 0.155"/>{shape}</visual>'
+    plate = f'<visual><origin xyz="{xyz}"/><geometry><box size="{size}"/></geometry></visual>'
     end = text.index("</link>", text.index('<link name="body"'))
     own = folder / f"{len(list(folder.iterdir()))}.urdf"
     own.write_text(text[:end] + plate + text[end:])
@@ -58,6 +62,19 @@ def test_what_hides_every_tag_of_a_port_is_named(tmp_path: Path, name: str, x_m:
 def test_a_port_of_which_one_tag_is_left_is_accepted(tmp_path: Path) -> None:
     plate = _with_plate(tmp_path, x_m=-0.15, y_m=0.06, width_m=0.1)
     check_trial(load_scene("close_range", {"units.b.urdf": plate}))
+
+
+def test_a_robot_that_covers_its_own_tag_on_top_is_refused(tmp_path: Path) -> None:
+    """By a plate 7 cm above the tag, which hides one row of its modules."""
+    plate = {"units.b.urdf": _with_box(tmp_path, "0 -0.12 0.3", "0.15 0.15 0.004")}
+    with pytest.raises(SceneError, match=r"units\.b\.urdf: .*covers its own tag tag_top"):
+        check_trial(load_scene("two_units", plate))
+    check_trial(load_scene("two_units", {**plate, "perception": "parametric"}))
+
+
+def test_a_part_beside_the_tag_on_top_is_accepted(tmp_path: Path) -> None:
+    plate = {"units.b.urdf": _with_box(tmp_path, "0 -0.13 0.3", "0.15 0.15 0.004")}
+    check_trial(load_scene("two_units", plate))
 
 
 def test_cameras_of_robots_that_build_a_shape_have_to_see_its_ports() -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import json
 import shutil
 import subprocess
@@ -13,6 +14,7 @@ import pytest
 from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import BAD_INPUT
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.messages import TagDetection
 
 CALIBRATION = """
 image_width: 160
@@ -78,7 +80,8 @@ def test_good_pictures_are_read_and_bad_ones_reported(
     assert "1 picture, 1 tag" in printed.out
     (image,) = json.loads(Path("tags.json").read_text())["images"]
     (tag,) = image["detections"]
-    assert (tag["id"], tag["family"], tag["hamming"]) == (5, "tag36h11", 0)
+    assert {field.name for field in dataclasses.fields(TagDetection)} <= tag.keys()  # as in the log
+    assert (tag["tag_id"], tag["family"], tag["hamming"]) == (5, "tag36h11", 0)
     np.testing.assert_allclose(tag["corners"][0], [47.5, 101.5], atol=0.1)
     assert len(tag["corner_sigma_px"]) == 4
     assert 0.0 < max(tag["corner_sigma_px"]) < 0.1

@@ -3,6 +3,7 @@
 import contextlib
 import ctypes
 import errno
+import io
 import os
 import signal
 import subprocess
@@ -16,7 +17,7 @@ import pytest
 import typer
 
 from msrr_bullet.cli.app import run
-from msrr_bullet.cli.exit_codes import Terminated
+from msrr_bullet.cli.exit_codes import BAD_INPUT, Terminated, flush_output
 from msrr_scenes.errors import SceneError
 from msrr_scenes.guarded import Guarded, no_result
 
@@ -215,6 +216,18 @@ def test_a_reader_that_goes_away_is_no_error(unbuffered: str) -> None:
     assert process.stderr.read() == b""
     process.stderr.close()
     assert process.wait(timeout=30) == 1
+
+
+def test_a_standard_output_that_a_class_has_closed_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    closed = io.StringIO()
+    closed.close()
+    monkeypatch.setattr(sys, "stdout", closed)
+    assert flush_output(run(["scenes"])) == BAD_INPUT
+    error = capsys.readouterr().err
+    assert error.startswith("msrr: the standard output was closed before the end")
+    assert error.count("\n") == 1
 
 
 def test_a_link_that_leads_back_to_itself_is_bad_input(tmp_path: Path, capsys: Capture) -> None:

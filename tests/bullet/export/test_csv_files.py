@@ -223,7 +223,7 @@ def test_a_mission_has_its_tables(line_log, mission_folder):
     receipts = [(r["message"], r["unit"], r["number"], r["sent_s"]) for r in rows(mission_folder, "receipts")]
     assert set(receipts) < sent
     assert len(set(receipts)) == len(receipts)
-    assert {(row["port"], row["to"].partition(".")[2]) for row in rows(mission_folder, "steps")} == {
+    assert {(row["port"], row["target"].partition(".")[2]) for row in rows(mission_folder, "steps")} == {
         ("front", "rear")
     }
     assert {row["unit"] for row in rows(mission_folder, "global_measurements")} == {"base_station"}

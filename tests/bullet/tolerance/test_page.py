@@ -12,7 +12,7 @@ import pytest
 from msrr_bullet.tolerance.error_budget import contributions
 from msrr_bullet.tolerance.model import SizeSample, ToleranceStudy
 from msrr_bullet.tolerance.page import write_study
-from msrr_bullet.tolerance.wording import beyond, findings, grade_cells, listed
+from msrr_bullet.tolerance.wording import beyond, findings, first_cells, grade_cells, listed, percent
 
 
 class Page(HTMLParser):
@@ -60,6 +60,13 @@ def test_the_page_shows_every_effect_and_grade(folder: Path, study: ToleranceStu
 
 
 @pytest.mark.parametrize(
+    ("share", "said"), [(0.0, "0 %"), (0.0002, "below 0.1 %"), (0.0234, "2.3 %"), (0.234, "23 %")]
+)
+def test_a_share_is_zero_only_if_it_is_none(share: float, said: str) -> None:
+    assert percent(share) == said
+
+
+@pytest.mark.parametrize(
     ("seeds", "said"), [(range(3, 7), "3 to 6"), ((1, 5, 9), "1, 5, 9"), ((7,), "7"), ((3, 2, 1), "3, 2, 1")]
 )
 def test_seeds_are_said_as_they_are(seeds: Sequence[int], said: str) -> None:
@@ -82,6 +89,17 @@ def test_some_effects_are_not_added_up_to_a_grade(study: ToleranceStudy, tmp_pat
         assert ("nothing is predicted for a grade" in said) != predicts
         *_, rms, docked, _ = grade_cells(some.grades[1], found, some.all_graded)
         assert ("(" in rms) == ("%" in docked) == predicts
+
+
+def test_what_was_not_found_is_no_zero(study: ToleranceStudy) -> None:
+    """An effect without a limit may have one beyond what was tried; without a contact there is no error."""
+    yaw, wheel, track = (first_cells(contribution) for contribution in contributions(study))
+    assert yaw[3] == "100 %"
+    assert wheel[3] == track[3] == "no limit found"
+    assert (float(wheel[4]) > 0.0, wheel[5].endswith("%"), track[5]) == (True, True, "0 %")
+    untouched = study.effects[0].model_copy(update={"lateral": None, "yaw": None})
+    (cells,) = map(first_cells, contributions(study.model_copy(update={"effects": (untouched,)})))
+    assert cells[4:] == ["-", "-"]
 
 
 def test_the_json_is_the_study(folder: Path, study: ToleranceStudy) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from msrr_scenes.errors import SceneError
-from msrr_scenes.loading.load import load_scene
+from msrr_scenes.loading.load import check_scene, load_scene
+from msrr_scenes.specs.spec import Choice
 
 
 @pytest.mark.parametrize(
@@ -26,7 +27,9 @@ def test_a_camera_that_cannot_be_is_refused(
     with pytest.raises(SceneError, match=message) as refused:
         load_scene("two_units", prefixed)
     assert f"cameras.{camera}.{key}" in str(refused.value)
-    load_scene("two_units", prefixed | {"perception": "parametric"})
+    blind = load_scene("two_units", rate | {"perception": "parametric"})
+    spec = getattr(blind.cameras, camera)
+    check_scene(blind.with_camera(camera, type(spec).model_validate({**spec.model_dump(), **changes})))
 
 
 def test_the_cone_is_compared_with_what_the_onboard_camera_sees() -> None:
@@ -56,8 +59,9 @@ def test_a_lens_that_the_renderer_does_not_draw_is_refused(deviation: str) -> No
     tiny = {"as_built": "perfect", "as_built.onboard.k1": deviation, "cameras.onboard.renderer": "tiny"}
     with pytest.raises(SceneError, match="'tiny' draws ideal lenses only"):
         load_scene("close_range", tiny)
-    load_scene("close_range", tiny | {"perception": "parametric"})
-    load_scene("close_range", tiny | {"cameras.onboard.renderer": "raster"})
+    drawn = load_scene("close_range", tiny | {"cameras.onboard.renderer": "raster"})
+    spec = drawn.cameras.onboard.model_copy(update={"renderer": Choice(name="tiny")})
+    check_scene(drawn.model_copy(update={"perception": "parametric"}).with_camera("onboard", spec))
 
 
 def test_a_renderer_of_one_instant_and_ideal_lenses_goes_with_perfect_calibration() -> None:

@@ -277,5 +277,4 @@ def test_a_known_lens_that_the_renderer_does_not_draw_is_refused() -> None:
     }
     with pytest.raises(SceneError, match=r"draws ideal lenses only, and cameras\.onboard\.calibration"):
         load_scene("close_range", tiny)
-    load_scene("close_range", tiny | {"perception": "parametric"})
     load_scene("close_range", tiny | {"cameras.onboard.calibration.fy_px": "417"})

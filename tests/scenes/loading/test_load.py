@@ -347,6 +347,7 @@ def test_an_override_that_changes_nothing_is_refused(tmp_path: Path) -> None:
     blind = {"plant": "unicycle", "perception": "parametric"}
     noise, sigma = {"cameras.onboard.noise_grey": "8"}, {"parametric.sigma_xy_m": "0.02"}
     of_pixels = {"cameras.overhead.localisation.bias_x_m": "0.1", "control.detector": "aruco"}
+    of_pixels |= {"cameras.onboard.exposure_ms": "5", "cameras.overhead.renderer": "tiny"}
     for key, value in (noise | of_pixels).items():
         with pytest.raises(SceneError, match=f"{key}: changes nothing with perception: parametric"):
             load_scene("two_units", {**blind, key: value})
@@ -360,6 +361,9 @@ def test_an_override_that_changes_nothing_is_refused(tmp_path: Path) -> None:
     ):
         with pytest.raises(SceneError, match=f": {next(iter(overrides))}: changes nothing {why}"):
             load_scene("close_range", overrides)
+    for key, value in {"control.docking": "c1", "docking.attempts": "1"}.items():
+        with pytest.raises(SceneError, match=f"{key}: changes nothing in a plan in which no unit docks"):
+            load_scene("corridor", {key: value})
     load_scene("close_range", noise)
     load_scene("close_range", {**blind, **sigma, "cameras.onboard.dropout": "0.1"})
     file = tmp_path / "both.yaml"  # what a file says may be for either perception

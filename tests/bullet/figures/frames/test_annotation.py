@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from msrr_bullet.figures.frames.annotation import DrawingContext
+from msrr_bullet.figures.frames.frame_files import draw_view
 from msrr_bullet.figures.frames.onboard_frame import draw_onboard
 from msrr_bullet.figures.frames.overhead_frame import draw_overhead
 from msrr_bullet.timeline import palette
@@ -15,6 +18,7 @@ from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.series import port_in_dock
 from msrr_scenes.camera_lenses import camera_lenses
 from msrr_scenes.messages import NS_PER_S, OVERHEAD, Exposure, Phase
+from msrr_scenes.specs.as_built import AsBuiltSpec
 from tests.bullet.conftest import with_step
 
 
@@ -34,6 +38,18 @@ def test_a_frame_without_pixels_is_drawn_from_truth_alone(count_pixels, views, t
     picture = draw_onboard(context, CameraView(view.exposure, view.lens), trial.at(view.stamp_ns))
     assert count_pixels(picture.image, palette.WINDOW) == 0
     assert np.ptp(picture.image.reshape(-1, 3), axis=0).min() > 100
+
+
+@pytest.mark.parametrize("camera", [OVERHEAD, "a/onboard"])
+def test_truth_is_drawn_at_the_instant_of_the_exposure(camera, views, trial, context):
+    """A camera whose clock is 30 ms ahead shows what it would show with a clock that is right."""
+    view = next(v for v in views if v.exposure.camera == camera and v.stamp_ns > 3 * NS_PER_S)
+    clocks = {"overhead": {"clock_ms": 30}, "onboard": {"clock_ms": 30}}
+    scene = context.scene.model_copy(update={"as_built": AsBuiltSpec.model_validate(clocks)})
+    ahead = replace(view, exposure=replace(view.exposure, stamp_ns=view.stamp_ns + 30_000_000))
+    right, late = draw_view(context, view, trial).image, draw_view(context, ahead, trial).image
+    assert (draw_view(DrawingContext(scene, context.seed), ahead, trial).image == right).all()
+    assert (late != right).any()  # the unit is on its way
 
 
 def test_a_caption_tells_the_present_and_not_how_the_phase_began(trial, context):
