@@ -165,6 +165,26 @@ def recovery_time(time: Array, off: Array, episode: Mask) -> Array:
     return recovered
 
 
+def figures(time: Array, off: Array, beside: Array, arc_end: Array, walled: Mask) -> dict[str, Array]:
+    """Return all of these figures by name, amplitude and recovery also by the distance from the path.
+
+    Args:
+        time: Shape (T,) [s].
+        off: Deviation from the desired point, shape (T, ...) [m].
+        beside: Distance from the path, same shape [m].
+        arc_end: As for :func:`tracking_error`.
+        walled: As for :func:`obstacle_episode`.
+    """
+    episode = obstacle_episode(time, off, walled)
+    return {
+        "tracking": tracking_error(time, off, arc_end, episode),
+        "amplitude": amplitude(off, episode),
+        "amplitude_path": amplitude(beside, episode),
+        "recovery": recovery_time(time, off, episode),
+        "recovery_path": recovery_time(time, beside, episode),
+    }
+
+
 def _largest(off: Array, where: Mask) -> Array:
     largest: Array = np.max(np.where(where, off, -np.inf), axis=0)
     return np.where(np.isfinite(largest), largest, np.nan)
