@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
-from msrr_perception.detection.detector import Detector, for_blur, for_large_tags, for_noise
+from msrr_perception.detection.detector import Detector, adapted
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, TagDetection
@@ -56,15 +56,15 @@ class RecordingDetector:
 
     def for_blur(self, blur_px: float) -> RecordingDetector:
         """Return the detector for blurred images, which records in the same list."""
-        return RecordingDetector(for_blur(self._detector, blur_px), self.windows)
+        return RecordingDetector(adapted(self._detector, "for_blur", blur_px), self.windows)
 
     def for_large_tags(self) -> RecordingDetector:
         """Return the detector for large tags, which records in the same list."""
-        return RecordingDetector(for_large_tags(self._detector), self.windows)
+        return RecordingDetector(adapted(self._detector, "for_large_tags"), self.windows)
 
     def for_noise(self, noise_grey: float) -> RecordingDetector:
         """Return the detector for noisy images, which records in the same list."""
-        return RecordingDetector(for_noise(self._detector, noise_grey), self.windows)
+        return RecordingDetector(adapted(self._detector, "for_noise", noise_grey), self.windows)
 
     def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
         """Return the tags of one window; see :meth:`Detector.detect`."""
