@@ -59,14 +59,7 @@ class OnboardVision:
         policy: WindowPolicy = DEFAULT_POLICY,
         full_every: int = FULL_FRAME_PERIOD,
     ) -> None:
-        """Create a front end that has seen nothing yet.
-
-        Args:
-            target: Camera and map of the tags.
-            detector: Detector that reads tags from pixels.
-            policy: Rules by which windows are cut.
-            full_every: Period of routine full frames [frames], at least 1.
-        """
+        """Create a front end that has seen nothing yet, with the rules by which windows are cut."""
         self.target = target
         self._optic = optic_of(target.lens)
         errors = target.corner_errors

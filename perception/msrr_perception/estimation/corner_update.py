@@ -91,13 +91,7 @@ class CornerUpdate:
         return self._first.states(self._of_target(measurement), known)
 
     def correct(self, prior: FilterState, measurement: Measurement, rates: Rates) -> FilterState | None:
-        """Return a state corrected by a measurement; None if that lies outside the gate.
-
-        Args:
-            prior: State at the measurement.
-            measurement: The measurement.
-            rates: How the unit moves about an exposure.
-        """
+        """Return a state corrected by a measurement at its time; None if that lies outside the gate."""
         by = self._by(measurement, rates)
         if self._clock is not None and in_doubt(prior, self._clock, rates):
             return by_parts(prior, self._clock, by)
@@ -158,11 +152,6 @@ class CornerUpdate:
         """Return the state corrected by the corners of those tags that pass the gate; None if none does.
 
         It is None as well where no state explains the corners from such a prior.
-
-        Args:
-            prior: State at the exposure.
-            measured: Tags of the target.
-            rates: How the unit moves about the exposure.
         """
         target, layout, scale = self._target, self._layout, prior.noise_scale
         mean, covariance, chi2, cost, seen, fell = update(

@@ -87,10 +87,7 @@ class FilterStep:
     ) -> FilterState | None:
         """Return a state from one measurement alone; None when it does not determine one.
 
-        Args:
-            measurement: The measurement.
-            wheels_until_ns: Time until which it rests on what the wheels did [ns].
-            exposures: What became of the exposures up to this one.
+        It rests on what the wheels did until ``wheels_until_ns``, and on ``exposures`` up to this one.
         """
         stamp = measurement.exposure.stamp_ns
         wheels = self._wheels.angles_at(stamp)

@@ -91,11 +91,7 @@ class GroupTests:
     """
 
     def __init__(self, found: Adjusted, seen: Sightings) -> None:
-        """Test all groups.
-
-        Args:
-            found: The adjustment.
-            seen: The sightings that it is of.
+        """Test all groups of the sightings that an adjustment is of.
 
         Raises:
             AdjustmentError: No group is checked by others.

@@ -39,10 +39,7 @@ _ROUNDS = 10
 def initial_bundle(seen: Sightings, lens: Lens, tag_size: float) -> Bundle:
     """Return poses near those that explain all sightings, which have to be connected.
 
-    Args:
-        seen: The sightings.
-        lens: Lens of all pictures.
-        tag_size: Edge of the black square of the tags [m].
+    All pictures have one lens, and the black squares of all tags one edge, ``tag_size`` [m].
     """
     guess = _Guess(seen, lens, tag_size)
     guess.grow()

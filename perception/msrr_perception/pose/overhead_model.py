@@ -67,11 +67,7 @@ class OverheadModel:
 
     @classmethod
     def from_scene(cls, scene: Scene, needed: Iterable[str]) -> OverheadModel:
-        """Build from calibration and data sheets; no pose of a body is read.
-
-        Args:
-            scene: The scene.
-            needed: Units that the camera has to find.
+        """Build from calibration and data sheets for a camera that has to find some units; no pose is read.
 
         Raises:
             SceneError: The scene has no overhead camera, or a unit that it has to find has no tag on top.

@@ -184,11 +184,9 @@ class GlobalEstimator:
     def in_dock_frame(self, stamp_ns: int) -> PoseEstimate | None:
         """Return the pose of the unit in the dock frame of its target as the overhead camera measures it.
 
-        Errors of the camera do nearly the same to both units, which are near each other: only the difference
-        counts. What is left is mostly where the tags are held on the two roofs.
-
-        Args:
-            stamp_ns: Time of the pose; None is returned until unit and target have been seen.
+        It is None until unit and target have been seen. Errors of the camera do nearly the same to both
+        units, which are near each other: only the difference counts. What is left is mostly where the tags
+        are held on the two roofs.
         """
         above = self._own.predict(stamp_ns)
         if above is None or self.target is None or self._X_TD is None or not self._others.knows(self.target):
@@ -214,15 +212,10 @@ class GlobalEstimator:
 def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstimate) -> GlobalPose:
     """Return the pose in W of a unit that is known in the dock frame D of another unit.
 
-    X_WU = X_WT X_TD X_DU, with the covariance to first order: the target's rotation moves the unit about the
-    target's middle, and the error in D rotates with D. The two errors come from different cameras, so that
-    they are independent. What the target shares with other bodies, the unit shares then.
-
-    Args:
-        name: Name of the unit.
-        target: Pose of the other unit in W.
-        X_TD: Dock frame D in the frame of the other unit.
-        by_sight: Pose of the unit in D.
+    X_WU = X_WT X_TD X_DU, with the covariance to first order: the rotation of the other unit, the target,
+    moves the unit about the target's middle, and the error in D rotates with D. The two errors come from
+    different cameras, so that they are independent. What the target shares with other bodies, the unit shares
+    then.
     """
     X_WD = target.X_WB @ X_TD
     X_WU = X_WD @ by_sight.X_DU
@@ -239,10 +232,5 @@ def _moved_along(body: GlobalPose, X_WU: SE2) -> Array:
 
 
 def pose_in_dock_frame(arena: ArenaEstimate, X_TD: SE2) -> SE2 | None:
-    """Return the pose X_DU of the docking unit in the dock frame D of the target port.
-
-    Args:
-        arena: Estimated poses of the units in the world; None is returned if it knows of no target.
-        X_TD: Dock frame D in the frame of the target unit.
-    """
+    """Return the pose X_DU of the docking unit in the dock frame D of its target; None without a target."""
     return None if arena.target is None else (arena.target.X_WB @ X_TD).inverse() @ arena.own.X_WB
