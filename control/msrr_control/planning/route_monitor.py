@@ -35,13 +35,7 @@ class RouteMonitor:
     """Compares one route with what is known while the unit drives along it."""
 
     def __init__(self, route: Route, planner: RoutePlanner, arena: ArenaMap) -> None:
-        """Begin with the map in which the route was planned.
-
-        Args:
-            route: The route.
-            planner: The planner of the route.
-            arena: What was known.
-        """
+        """Begin with a route, its planner, and the map in which it was planned."""
         self.route, self._planner = route, planner
         self._end = planner.spec.handover(arena.X_WD)
         self._units = {unit.name: unit for unit in arena.units}

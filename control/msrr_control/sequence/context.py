@@ -273,14 +273,11 @@ class DockingContext:
         self.last_gap, self.ever_seen = self.view.gap, True
 
     def jammed(self, to_left: bool) -> None:
-        """Aim elsewhere in the next attempt, after the pins have jammed.
+        """Aim elsewhere in the next attempt, after the pins have jammed and turned the unit to one side.
 
         A unit whose sight is off by more than it knows would try the same place again. So it goes aside at
         least by the width of the rim of a mouth, in which a pin may jam: one that stopped on the edge comes
         to where the funnel still centres it, and one that was in the middle stays where it does.
-
-        Args:
-            to_left: Whether the unit was turned to the left.
         """
         rim = (1.0 - self.tuning.capture_share) * self.setup.mouth
         before_holes = self.gap > self.setup.pin_reach - self.tuning.contact_m

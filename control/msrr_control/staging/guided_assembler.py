@@ -64,11 +64,7 @@ class GuidedAssembler(Generic[State]):
     ) -> None:
         """Begin without an authority.
 
-        Args:
-            params: Parameters of routes and patience.
-            setup: Facts of the docking step.
-            law: Drives along the paths.
-            reaction_s: Longest time from a state to the effect on the wheels of what is decided on it [s].
+        ``reaction_s`` is the longest time from a state to the effect on the wheels of what is decided on it.
         """
         self.params, self._setup, self._watch = params, setup, params.watch
         planner = RoutePlanner(
