@@ -217,16 +217,11 @@ class _Totals:
 def evaluate(
     candidates: Mapping[str, Candidate[P]], views: Iterable[LabelledExposure[P]], rng: np.random.Generator
 ) -> tuple[DetectionRow, ...]:
-    """Let all candidates read the same exposures and return a row for each.
+    """Let all candidates, by their labels, read the same exposures and return a row for each.
 
     All candidates get the same pixels: a window equals the crop of the full frame. Time is processor time of
     the thread without that for the pixels; each candidate reads the first exposure once before it is timed,
-    to load what is loaded once.
-
-    Args:
-        candidates: Label -> candidate.
-        views: Exposures with their truth.
-        rng: Generator that shuffles the candidates for each exposure, so that none finds the caches warmer.
+    to load what is loaded once. They are shuffled for each exposure, so that none finds the caches warmer.
     """
     totals = {label: _Totals() for label in candidates}
     labels = list(candidates)

@@ -179,14 +179,7 @@ def _relative_duration(experiment: Experiment) -> float:
 def run_or_fetch_trials(
     scene: Scene, seeds: range, store: Path, jobs: int, counter: TrialCounter
 ) -> tuple[MeasuredTrial, ...]:
-    """Run or fetch a measured trial for each seed, in order.
-
-    Args:
-        scene: Scene with its controllers.
-        seeds: Seeds of the trials.
-        store: SQLite file in which the trials are stored.
-        jobs: Number of trials that run at the same time.
-        counter: Counts each trial.
+    """Run a measured trial for each seed, or fetch it from the SQLite file ``store``, in order.
 
     Raises:
         KeyboardInterrupt: The run was interrupted; all trials computed so far are stored.

@@ -84,12 +84,9 @@ class EffectTrials:
     """The trials of one effect alone: asked for size by size, and summarised when the search has ended."""
 
     def __init__(self, base: Scene, effect: Effect, seeds: Sequence[int]) -> None:
-        """Begin with an effect.
+        """Begin with an effect on a scene without any true error.
 
-        Args:
-            base: Scene without any true error.
-            effect: The effect.
-            seeds: Seeds; with an effect of two signs every other seed has the error with a minus.
+        With an effect of two signs every other seed has the error with a minus.
         """
         self._base, self._effect = base, effect
         self._errors = {seed: effect.signs[i % len(effect.signs)] for i, seed in enumerate(seeds)}

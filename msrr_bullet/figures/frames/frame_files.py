@@ -69,10 +69,7 @@ class FrameAnnotator:
     def draw_latest(self, camera: str, latest: CameraView | None, now_ns: int) -> AnnotatedFrame:
         """Annotate the last frame of a camera; when the next is overdue, its view drawn from truth alone.
 
-        Args:
-            camera: Name of the camera.
-            latest: Its last frame up to now; None before the first.
-            now_ns: Time.
+        ``latest`` is the last frame up to now; None before the first.
         """
         cameras = self.context.scene.cameras
         spec = cameras.overhead if camera == OVERHEAD and cameras.overhead is not None else cameras.onboard

@@ -60,14 +60,7 @@ _MISSION_LEGEND = (
 def draw_overhead(
     context: DrawingContext, view: CameraView, snapshot: Snapshot, past: Sequence[Snapshot]
 ) -> AnnotatedFrame:
-    """Annotate a frame of the overhead camera.
-
-    Args:
-        context: Scene and models of the run.
-        view: Frame as far as it was read.
-        snapshot: Trial at the time of exposure.
-        past: Trial up to that time.
-    """
+    """Annotate a frame of the overhead camera, with the trial at the time of exposure and up to it."""
     perspective = Perspective.overhead(context.scene, context.built)
     drawing = draw_frame(context, view, perspective, snapshot)
     if snapshot.mission is not None:

@@ -20,12 +20,9 @@ from msrr_scenes.whole_files import write_whole
 
 
 def write_report(results: Reproduction, figures: Mapping[str, Path], path: Path) -> Path:
-    """Write the report.
+    """Write the report with its figures.
 
-    Args:
-        results: Results of the reproduction.
-        figures: PNG files by title, in the order in which they are shown; a title begins with its section.
-        path: File to write.
+    They are PNG files by title, in the order in which they are shown; a title begins with its section.
     """
 
     def pictures(section: str) -> list[tuple[str, str]]:
