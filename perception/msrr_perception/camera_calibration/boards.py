@@ -74,9 +74,7 @@ class Board(Protocol):
     def find(self, pixels: Pixels, lens: Lens | None = None) -> BoardPoints | None:
         """Return the points of the board in mono8 ``pixels``, shape (height, width); None without a board.
 
-        Args:
-            pixels: The picture.
-            lens: Lens of the picture as far as it is known; edges of tags are straight without it.
+        Edges of tags are straight without the lens of the picture, as far as it is known.
         """
 
     def hint(self, pixels: Pixels) -> str:

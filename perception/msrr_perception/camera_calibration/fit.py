@@ -124,13 +124,8 @@ def calibrate_camera(
 
     The number of coefficients of the distortion that are free is the smallest one with which pictures that
     were held out are shown as well as with any other one, within one standard error. Pictures that contradict
-    the others are left out.
-
-    Args:
-        views: The boards.
-        width: Width of all pictures [px].
-        height: Their height [px].
-        free: Number of free coefficients, one of :data:`MODELS`; None to have it chosen.
+    the others are left out. ``free`` is one of :data:`MODELS`, or None to have it chosen. The width and the
+    height are those of all pictures [px].
 
     Raises:
         CalibrationError: The pictures do not determine a camera.

@@ -93,11 +93,7 @@ def detector_for(detectors: Sequence[tuple[float, Detector]], upright_px: float)
 def for_camera(detector: Detector, lens: Lens, blur_px: float, noise_grey: float) -> Detector:
     """Return the detector to use for a camera, by its calibration and what its data sheet says.
 
-    Args:
-        detector: Detector of any camera.
-        lens: Lens of the camera.
-        blur_px: Standard deviation of its blur [px].
-        noise_grey: Standard deviation of a pixel [grey levels].
+    ``blur_px`` and ``noise_grey`` are the standard deviations of its blur [px] and of a pixel [grey levels].
     """
     behind = adapted(detector, "for_lens", lens) if lens.distorts else detector
     return adapted(adapted(behind, "for_blur", blur_px), "for_noise", noise_grey)
@@ -191,12 +187,8 @@ def default_search_detector(
     """Return a detector that quickly finds tags at any angle in a full frame.
 
     It searches at half the resolution where that misses none, which takes a third of the time.
-
-    Args:
-        family: Family of the tags.
-        smallest_px: Edge of the smallest tag in the image [px].
-        blur_px: Standard deviation of the camera's blur [px].
-        noise_grey: Standard deviation of a pixel [grey levels].
+    ``smallest_px`` is the edge of the smallest tag in the image. Blur and noise are those of the camera, as
+    for :func:`for_camera`.
     """
     large = smallest_px >= math.sqrt(2.0) * LARGE_TAG_PX
     detector = PupilDetector(family, quad_decimate=2.0 if large else 1.0)

@@ -232,10 +232,6 @@ def detect(pixels: Pixels, family: str, settings: NativeSettings, corrected_bits
 def tag_bitmap(family: str, tag_id: int) -> NDArray[np.bool_]:
     """Return the modules of a tag as AprilRobotics print it, white true, upright.
 
-    Args:
-        family: One of :data:`msrr_scenes.specs.tag_families.FAMILIES`.
-        tag_id: An id of the family.
-
     Returns:
         Shape (N, N) with the family's ``plate_modules`` N.
 

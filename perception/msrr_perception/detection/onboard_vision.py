@@ -78,10 +78,7 @@ class OnboardVision:
     def detect(self, exposure: Exposure, prediction: PoseEstimate | None, fetch: Fetch) -> Detections:
         """Read the target's tags from one exposure.
 
-        Args:
-            exposure: Exposure to read.
-            prediction: Pose at the time of the exposure; None if nothing is known.
-            fetch: Function that returns the pixels of a window of this exposure.
+        The prediction is that of the pose at the time of the exposure; None if nothing is known.
 
         Returns:
             Every tag found, by ascending id, and the windows in the order in which they were fetched.

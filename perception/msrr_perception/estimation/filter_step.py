@@ -34,11 +34,7 @@ class FilterStep:
     ) -> None:
         """Set up without a state.
 
-        Args:
-            motion: How a state moves with the wheels.
-            update: How a measurement starts and corrects a state.
-            wheels: Readings of the wheels, to which others are added.
-            reset_after: Number of measurements in a row outside the gate after which the filter starts anew.
+        The filter starts anew after ``reset_after`` measurements in a row outside the gate.
         """
         self._motion, self._update, self._wheels = motion, update, wheels
         self._reset_after = reset_after

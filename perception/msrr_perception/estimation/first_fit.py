@@ -56,11 +56,8 @@ class FirstFit:
     def __init__(self, target: TargetModel, sheet: DataSheet, noise: CornerNoise, inflation: float) -> None:
         """Set up for a target.
 
-        Args:
-            target: Camera, map of the tags, and tolerances.
-            sheet: What errors of corners depend on.
-            noise: Tilt of the floor, and errors of corners by which tags are said to agree.
-            inflation: Factor on the variances of corners: those of one exposure are alike.
+        ``noise`` is the tilt of the floor, and the errors of corners by which tags are said to agree. The
+        variances of corners are multiplied by ``inflation``: those of one exposure are alike.
         """
         self._target, self._layout = target, target.filter_layout
         self._sheet, self._noise, self._inflation = sheet, noise, inflation

@@ -114,11 +114,7 @@ class GroupTests:
         """Return those of a group, less than half, without which its others agree with the rest.
 
         They are found one after the other, each as that which takes most from the sum of squares together
-        with those before.
-
-        Args:
-            group: The group.
-            is_likely: Whether the quantile of a group is one of a group that agrees.
+        with those before. ``is_likely`` says whether the quantile of a group is one of a group that agrees.
 
         Returns:
             The test of each sighting; empty if a rest of more than half of the group does not agree.

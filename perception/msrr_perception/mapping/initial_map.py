@@ -60,11 +60,7 @@ def alternatives(
 ) -> Iterator[Bundle]:
     """Yield bundles in which a view or a tag has the other one of the poses that single tags allow.
 
-    Args:
-        bundle: Poses that are near a minimum, perhaps of the wrong kind.
-        seen: The sightings.
-        views: Indices of the views that are turned over, one at a time.
-        tags: Indices of the tags that are.
+    ``views`` and ``tags`` are the indices of those that are turned over, one at a time.
     """
     guess = _Guess(seen, bundle.lens, bundle.tag_size)
     for tag in tags:

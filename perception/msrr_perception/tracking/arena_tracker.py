@@ -47,10 +47,8 @@ class ArenaTracker:
     def __init__(self, model: OverheadModel, standing_period_s: float = 0.0) -> None:
         """Create a tracker that knows nothing yet.
 
-        Args:
-            model: Overhead camera and catalogue of tags.
-            standing_period_s: Period with which the pose of a body that stands is given anew [s]; 0: whenever
-                it is asked for.
+        The pose of a body that stands is given anew with period ``standing_period_s``; with 0 whenever it is
+        asked for.
         """
         self.model = model
         self.noise = _noise(model.limits, model.errors.clock_s)

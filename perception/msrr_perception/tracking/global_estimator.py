@@ -62,14 +62,8 @@ class GlobalEstimator:
     ) -> None:
         """Create an estimator that knows nothing yet.
 
-        Args:
-            model: Overhead camera and catalogue of tags.
-            unit: Name of the unit.
-            drive: Calibration of its drive.
-            odometry: Data sheet of its encoders.
-            delay_compensation: Whether the unit's pose is moved from the last exposure up to now.
-            standing_period_s: Period with which the pose of a body that stands is given anew [s]; 0: whenever
-                it is asked for.
+        With ``delay_compensation`` the pose of the unit is moved from the last exposure up to now.
+        ``standing_period_s`` is that of :class:`~msrr_perception.tracking.arena_tracker.ArenaTracker`.
         """
         self.unit, self._model = unit, model
         self.aim(None, None)
@@ -87,9 +81,7 @@ class GlobalEstimator:
     def aim(self, target: str | None, X_TD: SE2 | None) -> None:
         """Take another target; nothing is forgotten.
 
-        Args:
-            target: Name of the unit that is docked to; None without a target.
-            X_TD: Dock frame of the target port in the frame of that unit.
+        ``X_TD`` is the dock frame of its port in the frame of that unit. Both are None without a target.
         """
         self.target, self._X_TD = target, X_TD
 
