@@ -63,9 +63,7 @@ class Margins:
     def way_to_turn(self, arena: ArenaMap, radius: float) -> float | None:
         """Return the shortest way straight to where the unit may turn on the spot: back < 0, ahead > 0 [m].
 
-        Args:
-            arena: What is known.
-            radius: Radius of the circle that the unit covers when it turns on the spot [m].
+        ``radius`` is that of the circle that the unit covers when it turns on the spot [m].
 
         Returns:
             0 where the unit may turn already; None if no place within reach lets it turn.

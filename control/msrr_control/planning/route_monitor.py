@@ -54,10 +54,7 @@ class RouteMonitor:
     def reason_to_replan(self, arena: ArenaMap, s: float, moved: float) -> str | None:
         """Return why the route can no longer be followed, None if it can.
 
-        Args:
-            arena: What is known now.
-            s: Arc length that has been reached [m].
-            moved: Motion of an estimate from which on it counts [m].
+        The unit has reached arc length ``s`` [m]. The motion of an estimate counts from ``moved`` [m] on.
         """
         for obstacle in arena.obstacles:
             reason = self._check_obstacle(obstacle, arena, s, moved)

@@ -155,9 +155,7 @@ class Aim:
     def jammed(self, step: float, to_left: bool) -> None:
         """Aim elsewhere after a jam.
 
-        Args:
-            step: Way to the next place while the port is known to be on one side only [m].
-            to_left: Whether the unit was turned to the left.
+        ``step`` is the way to the next place while the port is known to be on one side only [m].
         """
         if to_left:
             self._right = self.lateral
@@ -174,11 +172,8 @@ class Aim:
         """Aim elsewhere after the pins have stopped before the holes, where no funnel turns the unit.
 
         The port is as likely on the one side as on the other: the unit tries both, one after the other, and
-        then both twice as far away, but nothing that jams have ruled out.
-
-        Args:
-            step: Way to the first place; without one it aims at the same again [m].
-            to_left: Whether that place is to the left.
+        then both twice as far away, but nothing that jams have ruled out. ``step`` is the way to the first
+        place [m]; without one it aims at the same again.
         """
         if not self._stops:
             self._first = step if to_left else -step

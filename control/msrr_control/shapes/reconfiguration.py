@@ -33,10 +33,7 @@ def shape_ports(shape: Shape) -> dict[str, Ports]:
 
 
 def assembly_ports(holders: Mapping[str, str]) -> dict[str, Ports]:
-    """Return the ports from the root to every unit of an assembly.
-
-    Args:
-        holders: Port ``<unit>.<port>`` that each unit but the root is locked to.
+    """Return the ports from the root to every unit of an assembly, by the ports that hold all but the root.
 
     Raises:
         SceneError: The units are not one tree.
@@ -54,9 +51,7 @@ def assembly_ports(holders: Mapping[str, str]) -> dict[str, Ports]:
 def check_names(units: Sequence[str], named: Sequence[str]) -> None:
     """Refuse a shape whose places are not named by the units that it is built from, by the root for its root.
 
-    Args:
-        units: Units that are locked together, the root first.
-        named: Names of the places of the shape, the root first.
+    In both the root comes first.
 
     Raises:
         SceneError: The message says who.
@@ -162,14 +157,8 @@ def reconfiguration_tasks(
 ) -> list[Task]:
     """Return the tasks that turn an assembly into a shape; its root stays where it is.
 
-    Args:
-        holders: Port ``<unit>.<port>`` that each unit of the assembly but its root is locked to.
-        shape: The shape.
-        lanes: Lanes of the units.
-        X_WR: Pose of the assembly's root.
-        box: Where the axle may be and is seen: x low, x high, y low, y high [m].
-        named: Whether the places of the shape are named by the units that have to take them.
-        obstacles: Obstacles that are known.
+    The arguments are those of :func:`tasks_from`, but for the port ``<unit>.<port>`` that each unit but the
+    root is locked to.
 
     Raises:
         SceneError: Assembly and shape have different numbers of units, or there is no way.

@@ -94,11 +94,8 @@ class RouteFollower(Generic[State]):
     def step(self, arena: ArenaMap, s: float, dt: float, limit: float = math.inf) -> Twist:
         """Return the command of the law.
 
-        Args:
-            arena: What is known.
-            s: Arc length at which the wall stands [m].
-            dt: Time by which the law goes on [s].
-            limit: Arc length at which the unit has to come to rest, if it is less than that of the path [m].
+        The wall stands at arc length ``s``, and the unit has to come to rest at ``limit``, if the path is
+        longer [m]. ``dt`` is the time by which the law goes on [s].
 
         Raises:
             RuntimeError: The law was not started on the route.

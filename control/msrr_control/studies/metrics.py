@@ -168,12 +168,8 @@ def recovery_time(time: Array, off: Array, episode: Mask) -> Array:
 def figures(time: Array, off: Array, beside: Array, arc_end: Array, walled: Mask) -> dict[str, Array]:
     """Return all of these figures by name, amplitude and recovery also by the distance from the path.
 
-    Args:
-        time: Shape (T,) [s].
-        off: Deviation from the desired point, shape (T, ...) [m].
-        beside: Distance from the path, same shape [m].
-        arc_end: As for :func:`tracking_error`.
-        walled: As for :func:`obstacle_episode`.
+    The arguments are those of :func:`tracking_error` and :func:`obstacle_episode`; ``beside`` is the distance
+    from the path, shape (T, ...) [m].
     """
     episode = obstacle_episode(time, off, walled)
     return {
