@@ -87,12 +87,7 @@ class Experiment:
 
 
 def paper_experiments(docking: dict[str, Choice], mission: str = "two_units") -> tuple[Experiment, ...]:
-    """Return the experiments of ``msrr reproduce --plant bullet``.
-
-    Args:
-        docking: Controllers compared in the close phase, by label.
-        mission: Scene of the whole mission.
-    """
+    """Return the experiments of ``msrr reproduce --plant bullet``."""
     both = {label_of(name): Choice(name=name) for name in ("c1", "c2")}
     high_gain = {
         label_of("c1"): Choice(name="c1", params={"feedback": {"k_n_per_s": 6.0}}),

@@ -57,11 +57,7 @@ def reproduce_unicycle(
 ) -> Reproduction:
     """Run the studies.
 
-    Args:
-        seeds: Seeds of the trials of every study.
-        contenders: Controllers that are compared.
-        pool: Executor that runs the studies; without one they run in this process.
-        on_progress: Called with the name of each study before it starts.
+    Without a pool they run in this process. ``on_progress`` is called with the name of each before it starts.
     """
     seconds: dict[str, float] = {}
 

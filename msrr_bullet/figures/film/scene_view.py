@@ -79,12 +79,6 @@ class SceneView:
     def __init__(self, context: DrawingContext, trial: SnapshotInterpolator, width: int, height: int) -> None:
         """Place the camera so that it sees all that happens.
 
-        Args:
-            context: Scene and models of the run.
-            trial: The run.
-            width: Width of the pictures [px].
-            height: Their height [px].
-
         Raises:
             GeometryError: A mesh of a unit cannot be read.
         """

@@ -50,11 +50,7 @@ class FrameAnnotator:
     """
 
     def __init__(self, log: Log, snapshots: Sequence[Snapshot] | None = None) -> None:
-        """Read the run.
-
-        Args:
-            log: Log of the run.
-            snapshots: Its snapshots, where they have been read before; None reads them.
+        """Read the run; its snapshots may be given where they have been read before.
 
         Raises:
             MsrrError: The run ended before the first decision.
