@@ -43,11 +43,7 @@ class Reader(Protocol[P_contra]):
 
 
 class RecordingDetector:
-    """A detector that records the windows that it is given.
-
-    Attributes:
-        windows: Windows since the list was cleared.
-    """
+    """A detector that records the windows that it is given."""
 
     def __init__(self, detector: Detector, windows: list[Window] | None = None) -> None:
         """Record the windows of ``detector`` in ``windows``, or in a new list."""

@@ -34,10 +34,6 @@ class HopRules:
     it enters a place of which the holder is there, the lane is free and lies in the box. One that stands free
     is in nobody's way, for it can be sent elsewhere. One that is out of action stays where it is, and nobody
     docks to it.
-
-    Attributes:
-        obstacles: Obstacles that are known.
-        out: Places of the units that are out of action.
     """
 
     def __init__(

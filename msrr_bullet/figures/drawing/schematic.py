@@ -26,12 +26,7 @@ GRID_STEP = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """Picture of a camera, to which points of the world are drawn where the camera sees them.
-
-    Attributes:
-        canvas: Canvas of the picture.
-        perspective: Camera at its pose.
-    """
+    """Picture of a camera, to which points of the world are drawn where the camera sees them."""
 
     canvas: Canvas
     perspective: Perspective

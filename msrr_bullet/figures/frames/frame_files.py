@@ -42,12 +42,7 @@ class FramesError(MsrrError):
 
 
 class FrameAnnotator:
-    """Annotator of the frames of one run.
-
-    Attributes:
-        trial: Snapshots of the run at any time.
-        context: Scene and models with which frames are drawn.
-    """
+    """Annotator of the frames of one run."""
 
     def __init__(self, log: Log, snapshots: Sequence[Snapshot] | None = None) -> None:
         """Read the run; its snapshots may be given where they have been read before.
@@ -90,12 +85,7 @@ def draw_view(context: DrawingContext, view: CameraView, trial: SnapshotInterpol
 
 @dataclass(frozen=True, slots=True)
 class WrittenFrames:
-    """Files that were written.
-
-    Attributes:
-        frames: One picture for each frame, in order of time.
-        sheet: Picture of all frames.
-    """
+    """Files that were written: a picture of each frame, in order of time, and one of all frames."""
 
     frames: tuple[Path, ...]
     sheet: Path

@@ -63,12 +63,7 @@ class CalibrationError(MsrrError):
 
 @dataclass(frozen=True, eq=False)
 class BoardView:
-    """A board in a picture.
-
-    Attributes:
-        name: Name of the picture.
-        points: The points of the board that were found.
-    """
+    """Points of a board that were found in a picture, with the name of the picture."""
 
     name: str
     points: BoardPoints

@@ -104,9 +104,6 @@ class PupilDetector(RefiningDetector):
 
     All instances in a thread share one native detector (see
     :mod:`msrr_perception.detection.native_apriltag`).
-
-    Attributes:
-        settings: Settings of the native detector.
     """
 
     raw_sigma_px = 0.13
