@@ -246,11 +246,7 @@ def _without_spares(
     """Return the places that are taken without those of units that stand free and are not needed.
 
     A hop of one of these would save no hop of another unit, but might leave it in a port beside the shape.
-
-    Args:
-        start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
-        goal: The same for the whole shape.
-        stuck: Places of the units that never hop.
+    The goal is for the whole shape.
     """
     free = [place for place in start if stands_free(place) and place not in stuck]
     if any(goal.values()):
@@ -265,13 +261,8 @@ def _part(
 ) -> dict[Ports, str]:
     """Return the part of a shape that can be filled although some units are out of action.
 
-    Places that are taken already come first, so that no unit hops from one place of the part to another.
-
-    Args:
-        start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
-        goal: The same for the whole shape, each place after its holder.
-        rules: Which hops can be made.
-        stuck: Places of the units that never hop.
+    Places that are taken already come first, so that no unit hops from one place of the part to another. The
+    goal is for the whole shape, each place after its holder.
     """
     part = {place: start[place] for place in stuck}
     left = [unit for place, unit in start.items() if place not in stuck]
@@ -280,7 +271,7 @@ def _part(
         held = not place or place[:-1] in part
         if place in part or unit not in left or not held:
             continue
-        if start.get(place) == unit or rules.open_to(place, stuck):
+        if start.get(place) == unit or rules.may_enter(place, stuck):
             part[place] = unit
             left.remove(unit)
     return part

@@ -56,7 +56,7 @@ def write_report(results: Reproduction, figures: Mapping[str, Path], path: Path)
         conclusions=[text for text in (default_controller_text(results), *lag_text(results)) if text],
         ranking_columns=COLUMNS,
         ranking=ranking(results),
-        map_text=map_text(results),
+        map_text=[map_text(chart) for chart in results.maps],
     )
     write_whole(path, page)
     return path
