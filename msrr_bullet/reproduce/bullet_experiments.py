@@ -127,12 +127,8 @@ def reproduce_bullet(
 ) -> Reproduction:
     """Run the experiments; a trial that ``store`` holds from the same scene and code is not run again.
 
-    Args:
-        experiments: Experiments to run.
-        seeds: Seeds of the trials of each experiment and controller.
-        store: SQLite file in which every trial is stored.
-        jobs: Number of trials that run at the same time.
-        on_progress: Called with a line of text whenever a trial is done.
+    Each experiment and controller has the same seeds, and ``store`` is an SQLite file. ``on_progress`` is
+    called with a line of text whenever a trial is done.
 
     Raises:
         KeyboardInterrupt: The run was interrupted; all trials computed so far are stored.

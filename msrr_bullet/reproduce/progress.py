@@ -33,9 +33,7 @@ class Forecast:
     ) -> None:
         """Plan the trials.
 
-        Args:
-            groups: Number of trials in each group, and the duration of one relative to the other groups.
-            clock: Returns the time [s].
+        Of each group it needs the number of trials, and the duration of one relative to the other groups.
         """
         self._groups = {name: _Group(count, weight) for name, (count, weight) in groups.items()}
         self._clock = clock

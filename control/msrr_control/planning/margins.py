@@ -32,15 +32,7 @@ class Margins:
         offset: float,
         body_half_width: float,
     ) -> None:
-        """Take margins and geometry.
-
-        Args:
-            spec: Margins from border and units.
-            walls: Margin from obstacles.
-            box: Bounds of the arena: x low, x high, y low, y high [m].
-            offset: l [m].
-            body_half_width: Half the width of the unit's body [m].
-        """
+        """Take margins and geometry, as :class:`msrr_control.planning.route_planner.RoutePlanner` does."""
         x0, x1, y0, y1 = box
         b = spec.border_m
         self._box = (x0 + b, x1 - b, y0 + b, y1 - b)

@@ -47,13 +47,9 @@ class HopRules:
     ) -> None:
         """Bind the rules to the root's pose and to the space around it.
 
-        Args:
-            lanes: Lanes of the units.
-            X_WR: Pose of the root.
-            box: Where the axle may be and is seen: x low, x high, y low, y high [m].
-            obstacles: Obstacles that are known.
-            roomy: Whether they keep out of the whole lanes, and not only of where a unit drives straight.
-            out: Places of the units that are out of action, with their poses.
+        The axle may be and is seen in ``box``: x low, x high, y low, y high [m]. The known obstacles keep out
+        of the whole lanes if they are ``roomy``, and not only of where a unit drives straight. ``out`` are
+        the places of the units that are out of action, with their poses.
         """
         self._roomy = roomy
         self._lanes, self._box, self.obstacles = lanes, box, obstacles

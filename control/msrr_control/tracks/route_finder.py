@@ -56,13 +56,8 @@ class RouteFinder:
     ) -> None:
         """Bind the finder to what does not change.
 
-        Args:
-            body: Form of the units.
-            params: Parameters of the routes.
-            box: Where units may be and are seen: x low, x high, y low, y high [m].
-            border: What ``box`` is, in words.
-            inner: Bounds inside of ``box`` that routes and shapes do not leave if there is a way; None for
-                ``box``.
+        ``box`` is where units may be and are seen, x low, x high, y low, y high [m], and ``border`` what it
+        is, in words. ``inner`` are bounds inside of it that routes and shapes do not leave if there is a way.
         """
         self.body, self.box, self._border = body, box, border
         self.inner = box if inner is None else inner

@@ -165,14 +165,9 @@ class OverheadVision:
     ) -> Detections:
         """Read only the tags of bodies near one place, and of some others, without a search for units.
 
-        It costs the pixels of that place and leaves the state of other reads as it was.
-
-        Args:
-            exposure: Exposure to read.
-            middle_W: Middle of the place on the floor, shape (2,) [m].
-            half_m: Half the edge of the square that is read [m].
-            fetch: Function that returns the pixels of a window of this exposure.
-            predictions: Poses at the time of the exposure of the others, by name.
+        It costs the pixels of that place and leaves the state of other reads as it was. That place is a
+        square on the floor, with its middle at ``middle_W``, shape (2,), and half an edge ``half_m`` [m].
+        ``predictions`` are the poses of the others at the time of the exposure, by name.
 
         Returns:
             The tags found, also of the units that matter where they show in the same windows.

@@ -55,13 +55,8 @@ class CornerUpdate:
     ) -> None:
         """Set up for a target.
 
-        Args:
-            target: Camera, map of the tags, and tolerances.
-            corner_sigma_px: Standard deviation of each corner coordinate [px]; None goes by the data sheet of
-                the camera and the size of the tag in the image.
-            tilt_sigma: Standard deviation of pitch and roll of the pair [rad].
-            gate_probability: Share of good tags that pass the gate.
-            start_inflation: Factor on the covariance of what a first state is computed from.
+        The tilt is in radians; all else is as for
+        :class:`msrr_perception.estimation.corner_filter.CornerEkf`.
         """
         self._target, self._layout = target, target.filter_layout
         self._clock = self._layout.clock

@@ -141,10 +141,8 @@ class GlobalEstimator:
     def estimate(self, now_ns: int, by_sight: PoseEstimate | None = None) -> ArenaEstimate | None:
         """Return the estimate for control; None until the unit and its target, if any, have been seen.
 
-        Args:
-            now_ns: Current time.
-            by_sight: Pose of the unit in the dock frame by its own camera, which then replaces its pose by
-                the overhead camera; None to use the overhead camera.
+        ``by_sight`` is the pose of the unit in the dock frame by its own camera, which then replaces its pose
+        by the overhead camera.
         """
         if self.target is not None and not self._others.knows(self.target):
             return None
