@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from msrr_bullet.reproduce.measured_trial import MeasuredTrial, measured_trial
-from msrr_bullet.reproduce.progress import Forecast, ProgressListener, TrialCounter
+from msrr_bullet.reproduce.progress import Forecast, TrialCounter
+from msrr_bullet.run_folder import ProgressListener
 from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.measures import MEASURES, OBSTACLE_MEASURES, Measure, PhaseName, paper_measures
 from msrr_bullet.studies.model import Count, Measured, Reproduction, Row, Table, rates_of
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trials import run_trials
-from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.errors import MsrrError, SceneError
 from msrr_scenes.loading.load import load_scene
@@ -176,17 +176,10 @@ def run_or_fetch_trials(
         KeyboardInterrupt: The run was interrupted; all trials computed so far are stored.
         MsrrError: The scene cannot be run, the program failed in a trial, or the code was changed meanwhile.
     """
-    counter.add_stored(0)
-
-    def count(found: TrialResult | TrialFailure, stored: bool) -> None:
-        if stored:
-            counter.add_stored(1)
-        else:
-            counter.add_run()
-
+    counter.report()
     trial = partial(measured_trial, code=code_fingerprint(scene))
     finished = run_trials(
-        [(scene, seeds)], jobs, store, trial=trial, result_type=MeasuredTrial, observer=count
+        [(scene, seeds)], jobs, store, trial=trial, result_type=MeasuredTrial, observer=counter.count
     )
     if finished.interrupted:
         raise KeyboardInterrupt
