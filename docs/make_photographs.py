@@ -24,7 +24,7 @@ from msrr_bullet.render import Instant, RenderContext, build_renderer
 from msrr_bullet.render.raster_renderer import RasterRenderer
 from msrr_bullet.sensors.image_noise import ImageNoise
 from msrr_bullet.simulation.tag_plates import load_tag_plate
-from msrr_perception.detection.detector import PupilDetector, for_lens
+from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.mapping.mapper import TaggedPicture, TagMap, map_tags
 from msrr_perception.photographs.picture_files import picture_files, read_picture
 from msrr_perception.photographs.tagged_pictures import picture_names
@@ -208,7 +208,7 @@ def main(
     told = read_calibration(calibration)
     lens = CameraSpec(width_px=told.width_px, height_px=told.height_px, calibration=told).lens
     pixels = {name: read_picture(file) for file, name in picture_names(picture_files([folder])).items()}
-    detector, frame = for_lens(PupilDetector(), lens), lens.camera.frame
+    detector, frame = PupilDetector().for_lens(lens), lens.camera.frame
     pictures = [TaggedPicture(n, detector.detect(p, frame)) for n, p in pixels.items()]
     library = PupilDetector(refine=False)
     raw = [TaggedPicture(n, library.detect(p, frame)) for n, p in pixels.items()]

@@ -22,6 +22,9 @@ PICTURE_NAME = "picture.png"
 #: The files of a run, the log last. Files of other names in a run folder are left alone.
 RUN_FILES = (RESULT_NAME, REPLAY_NAME, PICTURE_NAME, LOG_NAME)
 
+#: Called with a line of text that says what is done next, or how far a long run is.
+ProgressListener = Callable[[str], None]
+
 
 class RunFolderError(MsrrError):
     """A run folder cannot be written."""
@@ -81,7 +84,7 @@ def make_folder(out: Path) -> None:
         ) from None
 
 
-def progress_log(out: Path, on_progress: Callable[[str], None]) -> Callable[[str], None]:
+def progress_log(out: Path, on_progress: ProgressListener) -> ProgressListener:
     """Return a listener that also appends every line to ``out/progress.txt``, for runs in the background.
 
     It raises a :class:`RunFolderError` where the file cannot be written.

@@ -14,11 +14,7 @@ P = TypeVar("P", bound=Spec)
 
 
 def read_params(kind: type[P], params: dict[str, Any]) -> P:
-    """Validate the parameters of a controller or an assembler.
-
-    Args:
-        kind: Specification of the parameters.
-        params: The parameters as the scene gives them.
+    """Validate the parameters of a controller or an assembler, as the scene gives them.
 
     Raises:
         ParameterError: Parameters are wrong; it says of each what is wrong and the nearest valid name.

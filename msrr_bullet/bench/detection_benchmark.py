@@ -34,14 +34,6 @@ class DetectionCase(BaseModel, frozen=True):
     title: str
     rows: tuple[DetectionRow, ...]
 
-    def row(self, settings: str) -> DetectionRow:
-        """Return the row with the label ``settings``.
-
-        Raises:
-            KeyError: There is no such row.
-        """
-        return {row.settings: row for row in self.rows}[settings]
-
 
 class DetectionBenchmark(BaseModel, frozen=True):
     """All measurements of the detection, made in one process.

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
-from msrr_perception.detection.detector import Detector, for_blur, for_large_tags, for_noise
+from msrr_perception.detection.detector import Detector, adapted
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, TagDetection
@@ -43,11 +43,7 @@ class Reader(Protocol[P_contra]):
 
 
 class RecordingDetector:
-    """A detector that records the windows that it is given.
-
-    Attributes:
-        windows: Windows since the list was cleared.
-    """
+    """A detector that records the windows that it is given."""
 
     def __init__(self, detector: Detector, windows: list[Window] | None = None) -> None:
         """Record the windows of ``detector`` in ``windows``, or in a new list."""
@@ -56,15 +52,15 @@ class RecordingDetector:
 
     def for_blur(self, blur_px: float) -> RecordingDetector:
         """Return the detector for blurred images, which records in the same list."""
-        return RecordingDetector(for_blur(self._detector, blur_px), self.windows)
+        return RecordingDetector(adapted(self._detector, "for_blur", blur_px), self.windows)
 
     def for_large_tags(self) -> RecordingDetector:
         """Return the detector for large tags, which records in the same list."""
-        return RecordingDetector(for_large_tags(self._detector), self.windows)
+        return RecordingDetector(adapted(self._detector, "for_large_tags"), self.windows)
 
     def for_noise(self, noise_grey: float) -> RecordingDetector:
         """Return the detector for noisy images, which records in the same list."""
-        return RecordingDetector(for_noise(self._detector, noise_grey), self.windows)
+        return RecordingDetector(adapted(self._detector, "for_noise", noise_grey), self.windows)
 
     def detect(self, pixels: Pixels, window: Window) -> tuple[TagDetection, ...]:
         """Return the tags of one window; see :meth:`Detector.detect`."""
@@ -217,16 +213,11 @@ class _Totals:
 def evaluate(
     candidates: Mapping[str, Candidate[P]], views: Iterable[LabelledExposure[P]], rng: np.random.Generator
 ) -> tuple[DetectionRow, ...]:
-    """Let all candidates read the same exposures and return a row for each.
+    """Let all candidates, by their labels, read the same exposures and return a row for each.
 
     All candidates get the same pixels: a window equals the crop of the full frame. Time is processor time of
     the thread without that for the pixels; each candidate reads the first exposure once before it is timed,
-    to load what is loaded once.
-
-    Args:
-        candidates: Label -> candidate.
-        views: Exposures with their truth.
-        rng: Generator that shuffles the candidates for each exposure, so that none finds the caches warmer.
+    to load what is loaded once. They are shuffled for each exposure, so that none finds the caches warmer.
     """
     totals = {label: _Totals() for label in candidates}
     labels = list(candidates)

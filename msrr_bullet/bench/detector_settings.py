@@ -96,12 +96,7 @@ def onboard_candidates(target: TargetModel) -> dict[str, Candidate[PoseEstimate]
 def overhead_candidates(
     model: OverheadModel, units: Sequence[str]
 ) -> dict[str, Candidate[Mapping[str, GlobalPose]]]:
-    """Return the candidates for the overhead camera, by label.
-
-    Args:
-        model: Overhead camera and catalogue of tags.
-        units: Units that matter, the driving one first.
-    """
+    """Return the candidates for the overhead camera, by label; of the units the driving one comes first."""
     frame = model.camera.frame
 
     def windows(

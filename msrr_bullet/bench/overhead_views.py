@@ -54,12 +54,8 @@ def measure_overhead(
 ) -> tuple[DetectionRow, ...]:
     """Compare all settings on the overhead camera.
 
-    Args:
-        arrangements: Number of arrangements of units and obstacles.
-        seed: Seed of the arrangements, the noise, and the errors of the predictions.
-        noise_grey: Read noise instead of the scene's [grey levels].
-        blur_px: Lens blur instead of the scene's [px].
-        exposures: Exposures of each arrangement, while the docking unit drives.
+    It is done as for :func:`msrr_bullet.bench.onboard_views.measure_onboard`; of each arrangement of units
+    and obstacles there are some exposures, while the docking unit drives.
     """
     scene, spec, _ = _load()
     spec = with_sensor(spec, noise_grey, blur_px)

@@ -135,9 +135,7 @@ def benchmark_photographs(
 ) -> tuple[PhotographRow, ...]:
     """Compare detectors on the photographs of tag36h11 tags in a folder.
 
-    Args:
-        folder: Folder with photographs and their :data:`TRUTH`.
-        observer: Called with the name of what is read next.
+    The folder has their :data:`TRUTH` as well. ``observer`` is called with the name of what is read next.
 
     Raises:
         PictureError: A file cannot be read, or no photograph is listed.

@@ -59,13 +59,7 @@ class CommandedPhysics:
 
 
 def note_commands(scene: Scene, seed: int, profiler: Profiler) -> CommandedPhysics:
-    """Run a trial, and note what its physics is told to do.
-
-    Args:
-        scene: A checked scene.
-        seed: Seed of the trial.
-        profiler: Measures the time of each stage.
-    """
+    """Run a trial of a checked scene, and note what its physics is told to do."""
     with open_environment(scene, seed) as environment:
         simulation = environment.simulation
         noted = _NotedPlant(simulation.plant)

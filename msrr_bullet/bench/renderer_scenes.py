@@ -77,12 +77,8 @@ def facing_units(X_DU: SE2) -> Iterator[tuple[Scene, BulletWorld]]:
 def add_clutter(client: int, rng: np.random.Generator, folder: Path) -> None:
     """Load eight massless boxes and four tag plates at random poses within 0.3 m of one point.
 
-    The boxes are 4 to 30 cm long, the tags 5 to 15 cm wide.
-
-    Args:
-        client: PyBullet client.
-        rng: Generator of the poses, sizes and grey levels.
-        folder: Existing folder for the files of the plates, which PyBullet reads on loading.
+    The boxes are 4 to 30 cm long, the tags 5 to 15 cm wide. PyBullet reads the files of the plates from the
+    folder.
     """
     for _ in range(8):
         grey = rng.uniform(0.1, 0.95)

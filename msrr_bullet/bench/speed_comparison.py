@@ -234,12 +234,7 @@ def _common(scene: str, names: Iterable[str], before: SpeedComparison) -> list[s
 
 
 def draw_comparison(found: SpeedComparison, path: Path) -> Path:
-    """Draw the stages of every variant as stacked bars, and physics alone as a line.
-
-    Args:
-        found: The comparison.
-        path: PNG, PDF or SVG file to write.
-    """
+    """Draw the stages of every variant as stacked bars, and physics alone as a line, as PNG, PDF or SVG."""
     with styled():
         figure = new_figure(3.5 + 1.1 * len(found.variants), 5.0)
         axes = figure.subplots()

@@ -14,13 +14,9 @@ _INTERVAL_S = 5e-4
 
 
 def profile_trial(scene: Scene, path: Path) -> None:
-    """Profile the trial of seed 0, after a first one that loads what a process loads once.
+    """Write a profile of the trial of seed 0 as HTML, after a first one that loads what a process loads once.
 
     Compiled kernels and the physics engine count for the functions that call them.
-
-    Args:
-        scene: The scene.
-        path: HTML file to write.
 
     Raises:
         MsrrError: pyinstrument is not installed, or the scene cannot be used.

@@ -104,15 +104,11 @@ def measure_trial_speed(scene: Scene, seed: int = 0, *, naive: bool = True) -> T
 
     The trial is run four times, and the fastest after the first counts, as the fastest of three runs of the
     physics alone does, one after each of them. The additional time of the first trial (to load compiled code,
-    to compute the faces of the meshes) is spent once in a process and reported separately.
+    to compute the faces of the meshes) is spent once in a process and reported separately. Without ``naive``
+    neither the naive loop nor what a unit costs is measured. The naive loop of a mission of a base station is
+    left out.
 
     Memory is that of the process from its start, so it is the trial's own only in a new process.
-
-    Args:
-        scene: The scene.
-        seed: Seed of the trial.
-        naive: Whether to measure the naive loop, and what a unit costs, as well. The naive loop of a mission
-            of a base station is left out.
 
     Raises:
         BenchError: The scene's perception uses no images.
@@ -189,11 +185,8 @@ def trial_speed_table(report: TrialSpeed) -> Table:
 def naive_loop(scene: Scene, samples: int | None = None) -> Scene:
     """Return the scene of the naive loop: a trial without the three things that make perception cheap here.
 
-    It reads full frames only, detects tags in all of them, and the renderer draws the floor as a mesh.
-
-    Args:
-        scene: Scene of the trial.
-        samples: Samples per pixel edge of the cameras; None keeps the scene's.
+    It reads full frames only, detects tags in all of them, and the renderer draws the floor as a mesh, with
+    ``samples`` samples per pixel edge or, without that, the scene's.
     """
 
     def plain(camera: CameraSpec) -> dict[str, object]:

@@ -43,10 +43,7 @@ class UnitCost(BaseModel, frozen=True):
 def pair_of(scene: Scene, parked: bool, time_limit_s: float) -> Scene:
     """Return the beginning of a mission in which only the first unit moves, and docks to the last one.
 
-    Args:
-        scene: Scene of a mission with at least three units.
-        parked: Whether the units between the two stand by; else they are left out.
-        time_limit_s: Simulated time of the beginning.
+    The mission has at least three units; without ``parked`` those between the two are left out.
     """
     first, *_, last = scene.units
     units = scene.units if parked else {name: scene.units[name] for name in (first, last)}
@@ -58,13 +55,10 @@ def pair_of(scene: Scene, parked: bool, time_limit_s: float) -> Scene:
 def measure_unit_cost(
     scene: Scene, seed: int, mover_ms_per_s: float, time_ms_per_s: Callable[[Scene, int], float]
 ) -> UnitCost:
-    """Measure what a unit costs.
+    """Measure what a unit costs in a mission of at least three units.
 
-    Args:
-        scene: Scene of a mission with at least three units.
-        seed: Seed of all trials.
-        mover_ms_per_s: The mission over the number of units under way.
-        time_ms_per_s: Runs a trial and returns its wall-clock time per simulated second [ms].
+    ``mover_ms_per_s`` is the mission over the number of units under way, and ``time_ms_per_s`` runs a trial
+    and returns its wall-clock time per simulated second [ms].
     """
     scenes = {
         (parked, end): pair_of(scene, parked, end) for parked in (True, False) for end in (_FROM_S, _TO_S)

@@ -54,13 +54,13 @@ def map_pictures(
     lens = _lens(calibration)
     from msrr_bullet.run_folder import make_folder
     from msrr_bullet.tag_mapping.result_files import CALIBRATION, write_results
-    from msrr_perception.detection.detector import PupilDetector, for_lens
+    from msrr_perception.detection.detector import PupilDetector
     from msrr_perception.mapping.mapper import map_tags
     from msrr_perception.photographs.picture_files import picture_files
     from msrr_perception.photographs.tagged_pictures import tagged_pictures
 
     files = picture_files(images)
-    detector = for_lens(PupilDetector(family), lens)
+    detector = PupilDetector(family).for_lens(lens)
     check_no_source(out, images)
     make_folder(out)
     if refine_lens:

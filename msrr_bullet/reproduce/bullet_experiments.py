@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from msrr_bullet.reproduce.measured_trial import MeasuredTrial, measured_trial
-from msrr_bullet.reproduce.progress import Forecast, ProgressListener, TrialCounter
+from msrr_bullet.reproduce.progress import Forecast, TrialCounter
+from msrr_bullet.run_folder import ProgressListener
 from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.measures import MEASURES, OBSTACLE_MEASURES, Measure, PhaseName, paper_measures
 from msrr_bullet.studies.model import Count, Measured, Reproduction, Row, Table, rates_of
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trials import run_trials
-from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.errors import MsrrError, SceneError
 from msrr_scenes.loading.load import load_scene
@@ -87,12 +87,7 @@ class Experiment:
 
 
 def paper_experiments(docking: dict[str, Choice], mission: str = "two_units") -> tuple[Experiment, ...]:
-    """Return the experiments of ``msrr reproduce --plant bullet``.
-
-    Args:
-        docking: Controllers compared in the close phase, by label.
-        mission: Scene of the whole mission.
-    """
+    """Return the experiments of ``msrr reproduce --plant bullet``."""
     both = {label_of(name): Choice(name=name) for name in ("c1", "c2")}
     high_gain = {
         label_of("c1"): Choice(name="c1", params={"feedback": {"k_n_per_s": 6.0}}),
@@ -132,12 +127,8 @@ def reproduce_bullet(
 ) -> Reproduction:
     """Run the experiments; a trial that ``store`` holds from the same scene and code is not run again.
 
-    Args:
-        experiments: Experiments to run.
-        seeds: Seeds of the trials of each experiment and controller.
-        store: SQLite file in which every trial is stored.
-        jobs: Number of trials that run at the same time.
-        on_progress: Called with a line of text whenever a trial is done.
+    Each experiment and controller has the same seeds, and ``store`` is an SQLite file. ``on_progress`` is
+    called with a line of text whenever a trial is done.
 
     Raises:
         KeyboardInterrupt: The run was interrupted; all trials computed so far are stored.
@@ -179,30 +170,16 @@ def _relative_duration(experiment: Experiment) -> float:
 def run_or_fetch_trials(
     scene: Scene, seeds: range, store: Path, jobs: int, counter: TrialCounter
 ) -> tuple[MeasuredTrial, ...]:
-    """Run or fetch a measured trial for each seed, in order.
-
-    Args:
-        scene: Scene with its controllers.
-        seeds: Seeds of the trials.
-        store: SQLite file in which the trials are stored.
-        jobs: Number of trials that run at the same time.
-        counter: Counts each trial.
+    """Run a measured trial for each seed, or fetch it from the SQLite file ``store``, in order.
 
     Raises:
         KeyboardInterrupt: The run was interrupted; all trials computed so far are stored.
         MsrrError: The scene cannot be run, the program failed in a trial, or the code was changed meanwhile.
     """
-    counter.add_stored(0)
-
-    def count(found: TrialResult | TrialFailure, stored: bool) -> None:
-        if stored:
-            counter.add_stored(1)
-        else:
-            counter.add_run()
-
+    counter.report()
     trial = partial(measured_trial, code=code_fingerprint(scene))
     finished = run_trials(
-        [(scene, seeds)], jobs, store, trial=trial, result_type=MeasuredTrial, observer=count
+        [(scene, seeds)], jobs, store, trial=trial, result_type=MeasuredTrial, observer=counter.count
     )
     if finished.interrupted:
         raise KeyboardInterrupt

@@ -28,10 +28,8 @@ def unicycle_figure6(seed: int, cell: tuple[float, float]) -> Figure6:
 def bullet_figure6(seed: int, cell: tuple[float, float], replaced: dict[str, str] | None = None) -> Figure6:
     """Run the first approach of each law with contact and images, on the paper's trajectory as well.
 
-    Args:
-        seed: Seed of the trials.
-        cell: Gain [1/s] and latency [s].
-        replaced: More values of the scene to override, such as a plant without contact.
+    ``cell`` is gain [1/s] and latency [s]; ``replaced`` are more values of the scene to override, such as a
+    plant without contact.
 
     Raises:
         MsrrError: The shipped scene never came to an approach.

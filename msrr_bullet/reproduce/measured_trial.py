@@ -62,10 +62,7 @@ def _last_contact(scene: Scene, result: TrialResult) -> Contact | None:
 def measured_trial(scene: Scene, seed: int, code: str | None = None) -> MeasuredTrial:
     """Run a trial and measure it; a :data:`msrr_bullet.sweep.worker_pool.TrialFunction`.
 
-    Args:
-        scene: The scene.
-        seed: Seed of the trial.
-        code: Fingerprint of the code that has to run it; None allows any.
+    ``code`` is the fingerprint of the code that has to run it; None allows any.
 
     Raises:
         ChangedFileError: The code of this process is another one: it loads the source files when it starts,

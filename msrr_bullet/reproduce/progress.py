@@ -6,8 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-#: Called with a line of text that says what is done next, or how far the run is.
-ProgressListener = Callable[[str], None]
+from msrr_bullet.run_folder import ProgressListener
 
 
 @dataclass(slots=True)
@@ -33,24 +32,20 @@ class Forecast:
     ) -> None:
         """Plan the trials.
 
-        Args:
-            groups: Number of trials in each group, and the duration of one relative to the other groups.
-            clock: Returns the time [s].
+        Of each group it needs the number of trials, and the duration of one relative to the other groups.
         """
         self._groups = {name: _Group(count, weight) for name, (count, weight) in groups.items()}
         self._clock = clock
         self._last = clock()
 
-    def add_stored(self, group: str, count: int) -> None:
-        """Count trials that need not be run."""
-        self._groups[group].done += count
-        self._last = self._clock()
-
-    def add_run(self, group: str) -> None:
-        """Count a trial that was run, with the time since the trial before it."""
+    def count(self, group: str, stored: bool) -> None:
+        """Count a trial, with the time since the trial before it unless it was stored and not run."""
         now, counts = self._clock(), self._groups[group]
-        counts.done, counts.run = counts.done + 1, counts.run + 1
-        counts.seconds, self._last = counts.seconds + now - self._last, now
+        counts.done += 1
+        if not stored:
+            counts.run += 1
+            counts.seconds += now - self._last
+        self._last = now
 
     @property
     def seconds_left(self) -> float | None:
@@ -82,19 +77,14 @@ class TrialCounter:
         self._experiment, self._label, self._total = experiment, label, total
         self._done = 0
 
-    def add_stored(self, count: int) -> None:
-        """Count trials that need not be run."""
-        self._done += count
-        self._forecast.add_stored(self._experiment, count)
-        self._report()
-
-    def add_run(self) -> None:
-        """Count a trial that was run."""
+    def count(self, outcome: object, stored: bool) -> None:
+        """Count a trial; an observer of :func:`msrr_bullet.sweep.trials.run_trials`."""
         self._done += 1
-        self._forecast.add_run(self._experiment)
-        self._report()
+        self._forecast.count(self._experiment, stored)
+        self.report()
 
-    def _report(self) -> None:
+    def report(self) -> None:
+        """Say how far the run is."""
         self._listener(f"{self._experiment}, {self._label}: {self._done} of {self._total} ({self._forecast})")
 
 

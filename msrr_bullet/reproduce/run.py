@@ -7,7 +7,6 @@ from pathlib import Path
 
 from msrr_bullet.reproduce.bullet_experiments import paper_experiments, reproduce_bullet
 from msrr_bullet.reproduce.figure6 import bullet_figure6
-from msrr_bullet.reproduce.progress import ProgressListener
 from msrr_bullet.reproduce.report.ablation_plot import draw_ablations
 from msrr_bullet.reproduce.report.figure6_plot import draw_figure6
 from msrr_bullet.reproduce.report.html import strip_title, write_report
@@ -15,7 +14,7 @@ from msrr_bullet.reproduce.report.map_plot import draw_gain_delay_map
 from msrr_bullet.reproduce.report.panel_plot import draw_panels
 from msrr_bullet.reproduce.report.strip_plot import draw_strips
 from msrr_bullet.reproduce.unicycle_studies import Contenders, reproduce_unicycle
-from msrr_bullet.run_folder import locked, make_folder, progress_log
+from msrr_bullet.run_folder import ProgressListener, locked, make_folder, progress_log
 from msrr_bullet.studies.gain_delay import PAPER_LIKE
 from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.model import Reproduction
@@ -99,17 +98,8 @@ def joined(parts: list[Reproduction]) -> Reproduction:
     """Return the results of several reproductions as one."""
     whole = parts[0]
     for part in parts[1:]:
-        whole = Reproduction(
-            versions=whole.versions,
-            seeds={**whole.seeds, **part.seeds},
-            tables=whole.tables + part.tables,
-            panels=whole.panels + part.panels,
-            figure6=whole.figure6 + part.figure6,
-            checks=whole.checks + part.checks,
-            maps=whole.maps + part.maps,
-            ablations=whole.ablations + part.ablations,
-            seconds={**whole.seconds, **part.seconds},
-        )
+        pairs = {name: (getattr(whole, name), getattr(part, name)) for name in Reproduction.model_fields}
+        whole = Reproduction(**{k: a | b if isinstance(a, dict) else a + b for k, (a, b) in pairs.items()})
     return whole
 
 

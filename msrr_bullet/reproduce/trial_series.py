@@ -91,14 +91,10 @@ class DockingSeries:
 
     @classmethod
     def of(cls, instants: list[ControlInstant], scene: Scene, until_s: float | None) -> DockingSeries | None:
-        """Select the last approach; None if there was none.
+        """Select the last approach of a trial; None if there was none.
 
-        The guidance depends on estimates and line of sight alone, so that the law reproduces it from these.
-
-        Args:
-            instants: Control instants of the trial.
-            scene: Scene of the trial.
-            until_s: Time of the first contact of the pins [s]; None without one.
+        The pins first touched at ``until_s`` [s], or never. The guidance depends on estimates and line of
+        sight alone, so that the law reproduces it from these.
         """
         step = scene.docks[-1]
         approaches = [i for i in instants if i.action.phase is Phase.DOCK]

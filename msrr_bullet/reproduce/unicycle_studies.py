@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from typing import TypeVar
 
 from msrr_bullet.reproduce.figure6 import unicycle_figure6
-from msrr_bullet.reproduce.progress import ProgressListener
+from msrr_bullet.run_folder import ProgressListener
 from msrr_bullet.studies.ablations import RowJob, ablation_jobs
 from msrr_bullet.studies.docking_studies import docking_series
 from msrr_bullet.studies.gain_delay import GAINS, LATENCIES, gain_delay_map
@@ -57,11 +57,7 @@ def reproduce_unicycle(
 ) -> Reproduction:
     """Run the studies.
 
-    Args:
-        seeds: Seeds of the trials of every study.
-        contenders: Controllers that are compared.
-        pool: Executor that runs the studies; without one they run in this process.
-        on_progress: Called with the name of each study before it starts.
+    Without a pool they run in this process. ``on_progress`` is called with the name of each before it starts.
     """
     seconds: dict[str, float] = {}
 

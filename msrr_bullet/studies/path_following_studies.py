@@ -76,14 +76,7 @@ def path_following_row(choice: Choice, label: str, setting: Setting, seeds: rang
     """Return a law's row of a table of the long phase."""
     result = run_path_following(choice, setting, seeds)
     obstacle_m = setting.path_following_starts.obstacle_m or 0.0
-    values = {
-        "tracking": result.tracking_error(),
-        "amplitude": result.amplitude(),
-        "amplitude_path": result.amplitude_from_path(),
-        "recovery": result.recovery_time(),
-        "recovery_path": result.recovery_to_path(),
-        "clearance": result.body_distance().min(axis=0) - obstacle_m,
-    }
+    values = {**result.figures(), "clearance": result.body_distance().min(axis=0) - obstacle_m}
     clear = values["clearance"] > 0.0
     within_paper = clear.copy()
     for measure in paper_measures(("long",)):

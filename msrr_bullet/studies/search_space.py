@@ -92,12 +92,8 @@ _SPECS: dict[Part, dict[str, type[Spec]]] = {
 def params_at(part: Part, controller: str, point: Array) -> dict[str, Any]:
     """Return a controller's parameters at a point of its search space, to four significant digits.
 
-    A group of parameters of which one is tuned is given as a whole.
-
-    Args:
-        part: Which of a unit's two controllers it is.
-        controller: Registered name of the controller.
-        point: Logarithms of the tuned parameters, shape (number of parameters,).
+    The point is the logarithms of the tuned parameters, shape (number of parameters,). A group of parameters
+    of which one is tuned is given as a whole.
     """
     shipped = _SPECS[part][controller]().model_dump()
     params: dict[str, Any] = {}

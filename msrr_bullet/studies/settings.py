@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -117,17 +117,12 @@ HARD = Setting(
     disturbance=_NOISE.model_copy(update={"delay_s": 0.10}),
     docking_starts=CLOSE_HARD,
 )
-WIDE = Setting(
-    "wide",
-    limits="tight",
-    disturbance=HARD.disturbance,
-    docking_starts=StartSet(spread=Spread(x_m=0.05, y_m=0.25, yaw_deg=30.0)),
-)
-WIDE_UNCOMPENSATED = Setting(
-    "wide, uncompensated",
-    limits="tight",
+_WIDE_STARTS = StartSet(spread=Spread(x_m=0.05, y_m=0.25, yaw_deg=30.0))
+WIDE = replace(HARD, name="wide", docking_starts=_WIDE_STARTS)
+WIDE_UNCOMPENSATED = replace(
+    WIDE,
+    name="wide, uncompensated",
     disturbance=WIDE.disturbance.model_copy(update={"compensated": False}),
-    docking_starts=WIDE.docking_starts,
 )
 HIGH_GAIN = Setting(
     "high gain",
@@ -138,11 +133,4 @@ HIGH_GAIN = Setting(
 LONG_DELAY = Setting(
     "long delay", disturbance=_NOISE.model_copy(update={"delay_s": 0.20, "compensated": False})
 )
-TIGHT_HIGH_GAIN = Setting(
-    "tight, high gain",
-    limits="tight",
-    disturbance=HIGH_GAIN.disturbance,
-    docking_starts=CLOSE_HARD,
-    docking_params=HIGH_GAIN.docking_params,
-    path_following_params=HIGH_GAIN.path_following_params,
-)
+TIGHT_HIGH_GAIN = replace(HIGH_GAIN, name="tight, high gain", limits="tight", docking_starts=CLOSE_HARD)

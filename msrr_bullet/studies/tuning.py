@@ -161,11 +161,9 @@ def _path_following_cost(setting: Setting, choice: Choice, seeds: range) -> floa
     result = run_path_following(choice, setting, seeds)
     clearance = result.body_distance().min(axis=0) - (setting.path_following_starts.obstacle_m or 0.0)
     cost = _FAILED * float(np.mean(clearance < GuardSpec().stop_m))
-    for key, values in (
-        ("tracking", result.tracking_error()),
-        ("amplitude", result.amplitude()),
-        ("recovery", result.recovery_time()),
-    ):
+    figures = result.figures()
+    for key in ("tracking", "amplitude", "recovery"):
+        values = figures[key]
         cost += _FAILED * float(np.mean(np.isinf(values)))  # never recovered
         # Without any trial that has a steady stretch to judge, the law has failed.
         known = values[np.isfinite(values)]

@@ -107,12 +107,5 @@ class PathFollowingSeries:
         A recovery that the trial did not see is infinite.
         """
         off, beside = metrics.deviation(self.tip, self.desired), self.from_path()
-        episode = metrics.obstacle_episode(self.time, off, self.walled)
-        found = {
-            "tracking": metrics.tracking_error(self.time, off, np.array(self.arc_end), episode),
-            "amplitude": metrics.amplitude(off, episode),
-            "amplitude_path": metrics.amplitude(beside, episode),
-            "recovery": metrics.recovery_time(self.time, off, episode),
-            "recovery_path": metrics.recovery_time(self.time, beside, episode),
-        }
+        found = metrics.figures(self.time, off, beside, np.array(self.arc_end), self.walled)
         return {key: float(value) for key, value in found.items() if not np.isnan(value)}

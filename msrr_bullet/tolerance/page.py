@@ -20,11 +20,7 @@ from msrr_scenes.whole_files import write_whole
 
 
 def write_study(study: ToleranceStudy, folder: Path) -> Path:
-    """Write ``tolerance.html``, ``tolerance.json`` and the figure for light and dark pages.
-
-    Args:
-        study: The study.
-        folder: Existing folder to write to.
+    """Write ``tolerance.html``, ``tolerance.json`` and the figure for light and dark pages to a folder.
 
     Returns:
         The page, which needs neither the other files nor a network.

@@ -71,11 +71,7 @@ def contact_slope(
 ) -> Slope | None:
     """Return the slope of an error at contact, over docks that came to contact with and without the effect.
 
-    Args:
-        with_effect: Trials with the effect.
-        without: Trials with the same seeds and without any effect.
-        quantity: Error at contact.
-        drawn: Whether the errors of the trials are standard deviations.
+    The trials have the same seeds, and ``drawn`` is that of :func:`fit_slope`.
     """
     before = {trial.seed: trial.contacts for trial in without}
     pairs = [

@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from msrr_bullet.run_folder import make_folder, progress_log
+from msrr_bullet.run_folder import ProgressListener, make_folder, progress_log
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_store import study_store
 from msrr_bullet.sweep.trials import one_trial, run_trials
@@ -20,9 +20,6 @@ from msrr_bullet.trial.versions import package_versions
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.specs.as_built import GRADES, Grade
 from msrr_scenes.specs.scene import Scene
-
-#: Called with a line of text that says how far the study is.
-ProgressListener = Callable[[str], None]
 
 #: What asks for trials: it yields batches, is sent their outcomes in the same order, and returns a result.
 Asking = Generator[list[Batch], list[TrialResult | TrialFailure], Any]

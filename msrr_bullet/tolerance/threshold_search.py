@@ -36,12 +36,9 @@ class Bracket:
 def threshold_search(first: float, top: float) -> Generator[float, bool, Bracket]:
     """Yield sizes to be tried, is sent whether all is well at each, and return the bracket.
 
-    The first size, then the top is tried. Between a size that holds and one that fails the next one is
-    their geometric mean, because sizes matter by their ratio; below a first size that fails it is a quarter.
-
-    Args:
-        first: First size, positive.
-        top: Largest size.
+    The first size, which is positive, then the top is tried. Between a size that holds and one that fails the
+    next one is their geometric mean, because sizes matter by their ratio; below a first size that fails it is
+    a quarter.
     """
     first = min(first, top)
     holds, fails = 0.0, first

@@ -27,14 +27,10 @@ _BAR = 7.0
 
 
 def draw_tornado(study: ToleranceStudy, path: Path, *, dark: bool = False) -> Path:
-    """Draw the effects that matter most, the one that adds most to the lateral error on top.
+    """Draw as PNG the effects that matter most, the one that adds most to the lateral error on top.
 
-    Those matter that add most to the lateral error, and those that keep the unit from docking first.
-
-    Args:
-        study: The study.
-        path: PNG file to write.
-        dark: Whether the page behind the figure is dark.
+    Those matter that add most to the lateral error, and those that keep the unit from docking first. ``dark``
+    is whether the page behind the figure is dark.
     """
     most = max(map(_added_mm, study.effects)) or 1.0
     first = max(map(_used, study.effects)) or 1.0

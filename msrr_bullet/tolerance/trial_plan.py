@@ -38,9 +38,8 @@ Outcomes = list[TrialResult | TrialFailure]
 def study_trial(outcome: TrialResult | TrialFailure, error: float | None = None) -> StudyTrial:
     """Return what a study keeps of a trial.
 
-    Args:
-        outcome: Result of the trial, or why it has none.
-        error: True error that it had, in the unit in which the effect is shown.
+    It has a result, or why it has none; ``error`` is the true error that it had, in the unit in which the
+    effect is shown.
     """
     if isinstance(outcome, TrialFailure):
         return StudyTrial(
@@ -84,12 +83,9 @@ class EffectTrials:
     """The trials of one effect alone: asked for size by size, and summarised when the search has ended."""
 
     def __init__(self, base: Scene, effect: Effect, seeds: Sequence[int]) -> None:
-        """Begin with an effect.
+        """Begin with an effect on a scene without any true error.
 
-        Args:
-            base: Scene without any true error.
-            effect: The effect.
-            seeds: Seeds; with an effect of two signs every other seed has the error with a minus.
+        With an effect of two signs every other seed has the error with a minus.
         """
         self._base, self._effect = base, effect
         self._errors = {seed: effect.signs[i % len(effect.signs)] for i, seed in enumerate(seeds)}
@@ -132,11 +128,7 @@ class EffectTrials:
         return holds
 
     def result(self, without: Sequence[StudyTrial]) -> EffectResult:
-        """Return the result.
-
-        Args:
-            without: Trials with the same seeds and without any effect.
-        """
+        """Return the result, against trials with the same seeds and without any effect."""
         effect, scale = self._effect, self._effect.scale
         measured = self._samples[self._first]
         bracket = self._bracket

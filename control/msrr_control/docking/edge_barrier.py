@@ -98,11 +98,8 @@ class EdgeBarrier:
     def __init__(self, setup: DockSetup, braking: float, rho_rad: float, margin: float) -> None:
         """Derive the envelope from the drive's limits.
 
-        Args:
-            setup: Facts of the docking step.
-            braking: Share of the drive's angular acceleration that stops an edge, between 0 and 1.
-            rho_rad: Angle over which the envelope rounds off.
-            margin: Angle by which the bound lies inside the outer cone [rad].
+        The numbers are those of :class:`~msrr_control.docking.barrier.BarrierParams`, with the margin in
+        radians.
 
         Raises:
             ParameterError: The margin leaves nothing of the cone.

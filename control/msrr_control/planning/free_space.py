@@ -69,13 +69,7 @@ class FreeSpace:
         return FreeSpace(box, discs)
 
     def near_circle(self, x: float, y: float, radius: float) -> FreeSpace | None:
-        """Return this space with no discs but those that a circle may enter; None if all of it is free.
-
-        Args:
-            x: Middle of the circle along x [m].
-            y: Its middle along y [m].
-            radius: Its radius [m].
-        """
+        """Return this space with only the discs that a circle [m] may enter; None if all of it is free."""
         touch = 0.5 * _SLACK  # a circle may be that of a disc, or touch one, and rounding lets it enter
         discs = tuple(d for d in self.discs if abs(math.hypot(d.x - x, d.y - y) - radius) < d.radius - touch)
         x0, x1, y0, y1 = self.box

@@ -32,15 +32,7 @@ class Margins:
         offset: float,
         body_half_width: float,
     ) -> None:
-        """Take margins and geometry.
-
-        Args:
-            spec: Margins from border and units.
-            walls: Margin from obstacles.
-            box: Bounds of the arena: x low, x high, y low, y high [m].
-            offset: l [m].
-            body_half_width: Half the width of the unit's body [m].
-        """
+        """Take margins and geometry, as :class:`msrr_control.planning.route_planner.RoutePlanner` does."""
         x0, x1, y0, y1 = box
         b = spec.border_m
         self._box = (x0 + b, x1 - b, y0 + b, y1 - b)
@@ -63,9 +55,7 @@ class Margins:
     def way_to_turn(self, arena: ArenaMap, radius: float) -> float | None:
         """Return the shortest way straight to where the unit may turn on the spot: back < 0, ahead > 0 [m].
 
-        Args:
-            arena: What is known.
-            radius: Radius of the circle that the unit covers when it turns on the spot [m].
+        ``radius`` is that of the circle that the unit covers when it turns on the spot [m].
 
         Returns:
             0 where the unit may turn already; None if no place within reach lets it turn.

@@ -35,13 +35,7 @@ class RouteMonitor:
     """Compares one route with what is known while the unit drives along it."""
 
     def __init__(self, route: Route, planner: RoutePlanner, arena: ArenaMap) -> None:
-        """Begin with the map in which the route was planned.
-
-        Args:
-            route: The route.
-            planner: The planner of the route.
-            arena: What was known.
-        """
+        """Begin with a route, its planner, and the map in which it was planned."""
         self.route, self._planner = route, planner
         self._end = planner.spec.handover(arena.X_WD)
         self._units = {unit.name: unit for unit in arena.units}
@@ -60,10 +54,7 @@ class RouteMonitor:
     def reason_to_replan(self, arena: ArenaMap, s: float, moved: float) -> str | None:
         """Return why the route can no longer be followed, None if it can.
 
-        Args:
-            arena: What is known now.
-            s: Arc length that has been reached [m].
-            moved: Motion of an estimate from which on it counts [m].
+        The unit has reached arc length ``s`` [m]. The motion of an estimate counts from ``moved`` [m] on.
         """
         for obstacle in arena.obstacles:
             reason = self._check_obstacle(obstacle, arena, s, moved)

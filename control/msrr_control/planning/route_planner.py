@@ -63,14 +63,9 @@ class RoutePlanner:
     ) -> None:
         """Bind the planner to what does not change.
 
-        Args:
-            spec: Shape of the routes.
-            walls: When walls stand, and how far from obstacles.
-            pace: Speed along the path.
-            box: Bounds of the arena: x low, x high, y low, y high [m].
-            offset: l [m].
-            body_half_width: Half the width of the unit's body [m].
-            border: What ``box`` is, in words.
+        ``box`` are the bounds of the arena, x low, x high, y low, y high [m], and ``border`` is what they
+        are, in words. The other arguments are the attributes, the speed along the path, and half the width of
+        the unit's body [m].
         """
         self._border = border
         self.spec, self.walls, self._pace = spec, walls, pace
@@ -100,13 +95,10 @@ class RoutePlanner:
         return self._turned_route(arena, margin) if arena.turns_at_end else None
 
     def obstruction(self, arena: ArenaMap, end: str = "the place in front of the port") -> str:
-        """Return what leaves no route: the border if it alone leaves none, else a body.
+        """Return what leaves no route to its end, which is given in words: border or body.
 
-        Without that body there would be a route. If there is none such, it is the one deepest in the way.
-
-        Args:
-            arena: What is known.
-            end: Where the route is to end, in words.
+        It is the border if it alone leaves no route, else a body. Without that body there would be a route.
+        If there is none such, it is the one deepest in the way.
         """
         X_WD = arena.X_WD
         target = tuple(u for u in arena.units if math.hypot(u.x - X_WD.x, u.y - X_WD.y) <= u.radius)

@@ -15,10 +15,6 @@ def calibration_twist(c: DockingContext, spec: CalibrationDriveSpec) -> Twist | 
     """Return the command of one instant of the drive; None once it has ended, or cannot go on.
 
     The memory of the stay counts the legs: the approach, each turn, and backing out.
-
-    Args:
-        c: What is known at this instant, with a pose.
-        spec: Way and turns.
     """
     pose, view, memory = c.observation.pose, c.view, c.memory
     if pose is None or view is None or memory.lasted(c.now_ns) > spec.time_s:

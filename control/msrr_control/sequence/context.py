@@ -155,9 +155,7 @@ class Aim:
     def jammed(self, step: float, to_left: bool) -> None:
         """Aim elsewhere after a jam.
 
-        Args:
-            step: Way to the next place while the port is known to be on one side only [m].
-            to_left: Whether the unit was turned to the left.
+        ``step`` is the way to the next place while the port is known to be on one side only [m].
         """
         if to_left:
             self._right = self.lateral
@@ -174,11 +172,8 @@ class Aim:
         """Aim elsewhere after the pins have stopped before the holes, where no funnel turns the unit.
 
         The port is as likely on the one side as on the other: the unit tries both, one after the other, and
-        then both twice as far away, but nothing that jams have ruled out.
-
-        Args:
-            step: Way to the first place; without one it aims at the same again [m].
-            to_left: Whether that place is to the left.
+        then both twice as far away, but nothing that jams have ruled out. ``step`` is the way to the first
+        place [m]; without one it aims at the same again.
         """
         if not self._stops:
             self._first = step if to_left else -step
@@ -273,14 +268,11 @@ class DockingContext:
         self.last_gap, self.ever_seen = self.view.gap, True
 
     def jammed(self, to_left: bool) -> None:
-        """Aim elsewhere in the next attempt, after the pins have jammed.
+        """Aim elsewhere in the next attempt, after the pins have jammed and turned the unit to one side.
 
         A unit whose sight is off by more than it knows would try the same place again. So it goes aside at
         least by the width of the rim of a mouth, in which a pin may jam: one that stopped on the edge comes
         to where the funnel still centres it, and one that was in the middle stays where it does.
-
-        Args:
-            to_left: Whether the unit was turned to the left.
         """
         rim = (1.0 - self.tuning.capture_share) * self.setup.mouth
         before_holes = self.gap > self.setup.pin_reach - self.tuning.contact_m

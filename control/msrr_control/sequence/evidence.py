@@ -62,10 +62,6 @@ def in_seat_range(off: float, limit: float) -> bool:
 
     No unit is deeper in the port than its seat. What looks so is an error of the estimate, and no sign that
     the unit is not seated; only far beyond the limit nothing that is seen can be trusted.
-
-    Args:
-        off: Seen gap beyond that of a seated unit, negative if it is smaller [m].
-        limit: Largest gap that is accepted [m].
     """
     return -_DEEPER * limit <= off <= limit
 

@@ -58,10 +58,6 @@ def scan(elapsed: float, duration: float, spec: SearchSpec, max_w: float) -> tup
 def turn_rate(angle: float, spec: SearchSpec, max_w: float, rate: float = 0.0) -> float:
     """Return the turn rate [rad/s] towards a heading, up to half of ``max_w``.
 
-    Args:
-        angle: Heading wanted against that of the unit, positive to the left [rad].
-        spec: How the unit looks for its target.
-        max_w: Largest turn rate of the drive [rad/s].
-        rate: Rate at which the heading wanted turns [rad/s].
+    The heading wanted is at ``angle`` to the left of that of the unit [rad], and turns at ``rate`` [rad/s].
     """
     return min(max(spec.k_per_s * angle + rate, -_SHARE * max_w), _SHARE * max_w)

@@ -77,14 +77,9 @@ class PhaseMachine:
     ) -> None:
         """Begin before the first attempt.
 
-        Args:
-            spec: Attempts, times and speeds of the task.
-            setup: Facts of the docking step.
-            controller: Drives from the hand-over to the port.
-            assembler: Long-distance phase; None if the unit starts in front of the port.
-            tuning: Figures of the mechanism and the sensors.
-            docked: Whether the unit is docked already, and is to undock.
-            calibrate: Whether the unit calibrates camera and wheels in front of the port before it docks.
+        Without an assembler the unit starts in front of the port. ``docked`` is whether it is docked already,
+        and is to undock; ``calibrate`` whether it calibrates camera and wheels in front of the port before it
+        docks.
         """
         tuning = tuning if tuning is not None else PhaseTuning()
         self._context = DockingContext(spec, setup, controller, assembler, tuning, 1.0 / setup.rate_hz)
@@ -117,8 +112,7 @@ class PhaseMachine:
     def undock(self, retreat_m: float | None = None) -> None:
         """Open the lock and back out, from the next step on.
 
-        Args:
-            retreat_m: Distance between the faces at which to stop [m]; None takes that of a retreat.
+        It stops where the faces are ``retreat_m`` apart, or as far as after a retreat.
 
         Raises:
             MsrrError: The unit has not docked, or it has undocked already.
@@ -132,10 +126,7 @@ class PhaseMachine:
         self._phase, self._reason, self._entered = Phase.RETREAT, "undock", False
 
     def step(self, observation: Observation) -> Action:
-        """Decide at one control instant.
-
-        Args:
-            observation: What is known now; time does not run backwards.
+        """Decide at one control instant; time does not run backwards.
 
         Returns:
             Phase, lock and command; the twist is within the drive's limits, those of the close range once

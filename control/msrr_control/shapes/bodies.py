@@ -57,9 +57,7 @@ class Body:
     def of(cls, geometry: UnitGeometry, distance_error: float = 0.0) -> Body:
         """Read the body from a unit's geometry.
 
-        Args:
-            geometry: Geometry of the units.
-            distance_error: What two units that are beside each other may be nearer than they seem [m].
+        Two units that are beside each other may be nearer than they seem by ``distance_error`` [m].
         """
         points = geometry.footprint
         apart = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)

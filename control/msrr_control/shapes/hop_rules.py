@@ -34,10 +34,6 @@ class HopRules:
     it enters a place of which the holder is there, the lane is free and lies in the box. One that stands free
     is in nobody's way, for it can be sent elsewhere. One that is out of action stays where it is, and nobody
     docks to it.
-
-    Attributes:
-        obstacles: Obstacles that are known.
-        out: Places of the units that are out of action.
     """
 
     def __init__(
@@ -51,13 +47,9 @@ class HopRules:
     ) -> None:
         """Bind the rules to the root's pose and to the space around it.
 
-        Args:
-            lanes: Lanes of the units.
-            X_WR: Pose of the root.
-            box: Where the axle may be and is seen: x low, x high, y low, y high [m].
-            obstacles: Obstacles that are known.
-            roomy: Whether they keep out of the whole lanes, and not only of where a unit drives straight.
-            out: Places of the units that are out of action, with their poses.
+        The axle may be and is seen in ``box``: x low, x high, y low, y high [m]. The known obstacles keep out
+        of the whole lanes if they are ``roomy``, and not only of where a unit drives straight. ``out`` are
+        the places of the units that are out of action, with their poses.
         """
         self._roomy = roomy
         self._lanes, self._box, self.obstacles = lanes, box, obstacles
@@ -85,7 +77,7 @@ class HopRules:
             for holder in order:
                 for port in self._lanes.body.dock_frames if holder != leaf else ():
                     place = (*holder, port)
-                    if place not in taken and self._may_enter(place, others):
+                    if place not in taken and self.may_enter(place, others):
                         yield Hop(leaf, place)
 
     def allow(self, taken: Mapping[Ports, str], hop: Hop) -> bool:
@@ -94,7 +86,7 @@ class HopRules:
         others = {ports for ports in taken if ports != start}
         leaf = start in taken and bool(start) and not any(ports[:-1] == start for ports in others if ports)
         reachable = end not in taken and end[:-1] in others
-        return leaf and reachable and self._may_leave(start, taken) and self._may_enter(end, others)
+        return leaf and reachable and self._may_leave(start, taken) and self.may_enter(end, others)
 
     def hindrance(self, place: Ports) -> str | None:
         """Return what keeps everybody from a place, in words: border or obstacle; None if nothing does."""
@@ -135,10 +127,6 @@ class HopRules:
             found |= more
         return found
 
-    def open_to(self, place: Ports, stuck: Iterable[Ports]) -> bool:
-        """Return whether a unit can enter a place once all others that can hop are out of the way."""
-        return self._may_enter(place, set(stuck))
-
     def _is_shut(self, place: Ports) -> bool:
         """Return whether the shortest way out of a place leads farther out of the box, or at an obstacle."""
         if place not in self._shut:
@@ -155,7 +143,8 @@ class HopRules:
             return leaf not in self.out
         return not self._is_shut(leaf) and not any(self.holds_in(leaf, p) for p in taken if p != leaf)
 
-    def _may_enter(self, place: Ports, others: set[Ports]) -> bool:
+    def may_enter(self, place: Ports, others: Iterable[Ports]) -> bool:
+        """Return whether a unit can enter a place while others stand in theirs."""
         if place[:-1] in self.out or stands_free(place):
             return False
         return self.hindrance(place) is None and not any(self.closes(place, p) for p in others)

@@ -22,12 +22,10 @@ def least_hops(form: Form, wanted: Form, closes: Callable[[Ports, Ports], bool])
     other places. The rest fill none, or fill one that was left again, which is a hop more as well.
 
     Where it matters, a unit that makes one hop alone fills its own place with it. Of units each of which has
-    to hop before the next one is in its place, and the last before the first, one needs a second hop.
-
-    Args:
-        form: Places that are taken, with the name of the unit, or an empty one where any unit will do.
-        wanted: The same at the end, with the same root and as many places, or fewer.
-        closes: Whether a unit in the second place closes the lane to the first one.
+    to hop before the next one is in its place, and the last before the first, one needs a second hop. Places
+    have the name of the unit, or an empty one where any unit will do. Both forms have the same root, and
+    there are no more places in the one that is wanted. ``closes`` tells whether a unit in the second place
+    closes the lane to the first one.
     """
     missing = sorted(wanted - form, key=lambda member: (len(member[0]), member))  # parents come first
     before = _hops_before(form, missing, closes)

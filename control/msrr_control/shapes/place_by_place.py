@@ -28,12 +28,8 @@ def place_by_place(
 ) -> list[Hop] | None:
     """Return hops from one form to another; None if none were found this way.
 
-    Where all hops can be made backwards, the way back is a way there, too: the shorter one is returned.
-
-    Args:
-        start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
-        goal: The same at the end, with the same root and as many places.
-        rules: Which hops can be made.
+    Where all hops can be made backwards, the way back is a way there, too: the shorter one is returned. Both
+    forms have the same root and as many places; see :func:`msrr_control.shapes.reconfiguration.hops_between`.
     """
     there, back = _PlaceByPlace(goal, rules).hops(start), _PlaceByPlace(start, rules).hops(goal)
     back = None if back is None else [Hop(end, begin) for begin, end in reversed(back)]

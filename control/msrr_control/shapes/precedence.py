@@ -116,11 +116,6 @@ def precede(before: dict[str, list[str]], stays: Sequence[Stay], lanes: Lanes) -
     A task that docks needs the lane of its port, and one that leaves a port needs that port's. What is in
     ``before`` holds: an order that contradicts it is not added.
 
-    Args:
-        before: For every task those before it, to which the order is added.
-        stays: Where all units stand, and between which tasks.
-        lanes: Lanes of the units.
-
     Returns:
         Who stands in the lane of a docking in every order that is left, and the docking.
     """

@@ -33,10 +33,7 @@ def shape_ports(shape: Shape) -> dict[str, Ports]:
 
 
 def assembly_ports(holders: Mapping[str, str]) -> dict[str, Ports]:
-    """Return the ports from the root to every unit of an assembly.
-
-    Args:
-        holders: Port ``<unit>.<port>`` that each unit but the root is locked to.
+    """Return the ports from the root to every unit of an assembly, by the ports that hold all but the root.
 
     Raises:
         SceneError: The units are not one tree.
@@ -54,9 +51,7 @@ def assembly_ports(holders: Mapping[str, str]) -> dict[str, Ports]:
 def check_names(units: Sequence[str], named: Sequence[str]) -> None:
     """Refuse a shape whose places are not named by the units that it is built from, by the root for its root.
 
-    Args:
-        units: Units that are locked together, the root first.
-        named: Names of the places of the shape, the root first.
+    In both the root comes first.
 
     Raises:
         SceneError: The message says who.
@@ -162,14 +157,8 @@ def reconfiguration_tasks(
 ) -> list[Task]:
     """Return the tasks that turn an assembly into a shape; its root stays where it is.
 
-    Args:
-        holders: Port ``<unit>.<port>`` that each unit of the assembly but its root is locked to.
-        shape: The shape.
-        lanes: Lanes of the units.
-        X_WR: Pose of the assembly's root.
-        box: Where the axle may be and is seen: x low, x high, y low, y high [m].
-        named: Whether the places of the shape are named by the units that have to take them.
-        obstacles: Obstacles that are known.
+    The arguments are those of :func:`tasks_from`, but for the port ``<unit>.<port>`` that each unit but the
+    root is locked to.
 
     Raises:
         SceneError: Assembly and shape have different numbers of units, or there is no way.
@@ -257,11 +246,7 @@ def _without_spares(
     """Return the places that are taken without those of units that stand free and are not needed.
 
     A hop of one of these would save no hop of another unit, but might leave it in a port beside the shape.
-
-    Args:
-        start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
-        goal: The same for the whole shape.
-        stuck: Places of the units that never hop.
+    The goal is for the whole shape.
     """
     free = [place for place in start if stands_free(place) and place not in stuck]
     if any(goal.values()):
@@ -276,13 +261,8 @@ def _part(
 ) -> dict[Ports, str]:
     """Return the part of a shape that can be filled although some units are out of action.
 
-    Places that are taken already come first, so that no unit hops from one place of the part to another.
-
-    Args:
-        start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
-        goal: The same for the whole shape, each place after its holder.
-        rules: Which hops can be made.
-        stuck: Places of the units that never hop.
+    Places that are taken already come first, so that no unit hops from one place of the part to another. The
+    goal is for the whole shape, each place after its holder.
     """
     part = {place: start[place] for place in stuck}
     left = [unit for place, unit in start.items() if place not in stuck]
@@ -291,7 +271,7 @@ def _part(
         held = not place or place[:-1] in part
         if place in part or unit not in left or not held:
             continue
-        if start.get(place) == unit or rules.open_to(place, stuck):
+        if start.get(place) == unit or rules.may_enter(place, stuck):
             part[place] = unit
             left.remove(unit)
     return part

@@ -64,11 +64,7 @@ class GuidedAssembler(Generic[State]):
     ) -> None:
         """Begin without an authority.
 
-        Args:
-            params: Parameters of routes and patience.
-            setup: Facts of the docking step.
-            law: Drives along the paths.
-            reaction_s: Longest time from a state to the effect on the wheels of what is decided on it [s].
+        ``reaction_s`` is the longest time from a state to the effect on the wheels of what is decided on it.
         """
         self.params, self._setup, self._watch = params, setup, params.watch
         planner = RoutePlanner(
@@ -265,12 +261,7 @@ class GuidedAssembler(Generic[State]):
         return self._follower.time_without_progress(self._follower.s, now) > self._watch.settle_s
 
     def _has_waited(self, allowed: float, now: int) -> bool:
-        """Return whether the unit has been where it has to wait for a while.
-
-        Args:
-            allowed: Arc length of the path at which it has to wait [m].
-            now: Time [ns].
-        """
+        """Return whether the unit has been for a while where it must wait, at arc length ``allowed`` [m]."""
         follower = self._follower
         there = allowed < follower.s + _HOLD_M and allowed < follower.route.path.length
         if not there or self._waits is None or allowed != self._waits[0]:

@@ -23,13 +23,9 @@ _SPARE_S = 3.0
 def spot_turn(
     error: float, params: RouteFollowingParams, limits: LimitsSpec, allowed: float = math.inf
 ) -> Twist:
-    """Return the command that turns a unit on the spot.
+    """Return the command that turns a unit on the spot by ``error`` [rad], counter-clockwise positive.
 
-    Args:
-        error: Angle that is left to turn, counter-clockwise positive [rad].
-        params: Parameters of the routes, with the gain.
-        limits: What the drive can do.
-        allowed: Largest angle by which the unit may turn now [rad].
+    ``allowed`` is the largest angle by which it may turn now [rad].
     """
     fastest = min(_SHARE * limits.w_max_radps, _FASTEST_RADPS)
     return Twist(0.0, math.copysign(min(params.turn_per_s * min(abs(error), allowed), fastest), error))

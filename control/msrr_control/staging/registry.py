@@ -55,10 +55,7 @@ def _assembler(name: str) -> Callable[..., Assembler]:
 def build_guided(choice: Choice, setup: AssemblySetup, reaction_s: float) -> GuidedAssembler[Any]:
     """Build the long-distance phase of a unit that a base station leads.
 
-    Args:
-        choice: Name and parameters of the law, as a scene gives them.
-        setup: Fixed facts of the way.
-        reaction_s: Longest time from a state to the effect on the wheels of what is decided on it [s].
+    ``reaction_s`` is that of :class:`msrr_control.tracks.authority.MovementAuthority`.
 
     Raises:
         SceneError: The parameters are wrong, or the law is none of those that a base station can lead.

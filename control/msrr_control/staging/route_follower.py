@@ -94,11 +94,8 @@ class RouteFollower(Generic[State]):
     def step(self, arena: ArenaMap, s: float, dt: float, limit: float = math.inf) -> Twist:
         """Return the command of the law.
 
-        Args:
-            arena: What is known.
-            s: Arc length at which the wall stands [m].
-            dt: Time by which the law goes on [s].
-            limit: Arc length at which the unit has to come to rest, if it is less than that of the path [m].
+        The wall stands at arc length ``s``, and the unit has to come to rest at ``limit``, if the path is
+        longer [m]. ``dt`` is the time by which the law goes on [s].
 
         Raises:
             RuntimeError: The law was not started on the route.
@@ -149,11 +146,7 @@ class RouteFollower(Generic[State]):
     ) -> AssemblyProgress | None:
         """Return the message for the log; None before the unit is localised.
 
-        Args:
-            observation: What is known now.
-            stage: What the unit does.
-            path: Path that is followed or was followed last; None before the first.
-            reason: Why it does that.
+        It says what the unit does and why, and which path is followed or was followed last.
         """
         if observation.arena is None:
             return None
@@ -183,14 +176,7 @@ class RouteFollower(Generic[State]):
 
 
 def shown_path(stamp_ns: int, route: Route, before: AssemblyPath | None, reason: str) -> AssemblyPath:
-    """Return the path of a route for the log.
-
-    Args:
-        stamp_ns: Time at which the route is taken up.
-        route: The route.
-        before: Path that was followed before; None for the first.
-        reason: Why it is taken up.
-    """
+    """Return the path of a route that is taken up at ``stamp_ns``, for the log, after the one ``before``."""
     _, points = route.path.sample(_LOGGED_SPACING_M)
     number = 1 if before is None else before.number + 1
     return AssemblyPath(stamp_ns, number, route.shape, tuple(_as_tuple(point) for point in points), reason)

@@ -102,10 +102,7 @@ class AssemblySetup:
 
         Errors of the overhead camera shift where a unit is seen in the arena, and not where it is in the
         picture: only the border of the arena is moved inwards, where the unit's place is known less well than
-        routes have room for.
-
-        Args:
-            border_m: Distance that routes keep from these bounds [m].
+        routes have room for. Routes keep ``border_m`` from these bounds.
         """
         x, y = (max(self.sigmas * sigma - border_m, 0.0) for sigma in self.place_sigma)
         (x0, x1), (y0, y1) = self.arena.x_m, self.arena.y_m
@@ -144,10 +141,8 @@ class AssemblySetup:
     def check(self, cruise_mps: float, widest_obstacle_m: float, border_m: float) -> None:
         """Refuse facts that cannot work wherever units and obstacles stand.
 
-        Args:
-            cruise_mps: Speed along the path.
-            widest_obstacle_m: Largest radius of an obstacle that a path can lead around.
-            border_m: Distance of the controlled point from the border of the arena.
+        A path has the speed ``cruise_mps``, can lead around obstacles of the radius ``widest_obstacle_m``,
+        and keeps the controlled point ``border_m`` from the border of the arena.
 
         Raises:
             SceneError: The facts cannot work; the message says what would have to change.

@@ -80,11 +80,6 @@ class LongDistanceAssembler(Generic[State]):
     ) -> None:
         """Begin before anything is known.
 
-        Args:
-            params: Parameters of the routes and of the unit's patience.
-            setup: Facts of the docking step.
-            law: Drives along the paths.
-
         Raises:
             SceneError: The facts and parameters cannot work wherever units and obstacles stand.
         """

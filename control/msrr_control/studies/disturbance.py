@@ -118,13 +118,8 @@ class DisturbedUnicycles:
 def checked_commands(command: object, shape: tuple[int, ...], law: object) -> Array:
     """Return the commands of a law, which may be a user's own.
 
-    Args:
-        command: What the law returned.
-        shape: Shape that they have to have.
-        law: The law, whose class is named.
-
     Raises:
-        ProgramFailedError: They are no finite numbers of that shape.
+        ProgramFailedError: They are no finite numbers of that shape; the class of the law is named.
     """
     checked = np.asarray(command)
     if checked.shape != shape or checked.dtype.kind not in "fiu" or not np.isfinite(checked).all():

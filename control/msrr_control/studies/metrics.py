@@ -1,7 +1,8 @@
 """Figures of the long-distance phase, computed from the time series of a study, a log or a real unit.
 
-Each function takes series whose first axis is time; further axes are trials. A figure that a series does not
-have (no obstacle was encountered, no arc ended) is NaN.
+Each function takes series whose first axis is time; further axes are trials: ``time`` has shape (T,) [s], a
+distance ``off`` (T, ...) [m], and an ``episode``, the result of :func:`obstacle_episode`, (T, ...). A figure
+that a series does not have (no obstacle was encountered, no arc ended) is NaN.
 
 Two distances are distinguished. The *deviation* is the distance of the controlled point from the desired
 POINT, which moves along the path with time: it is large for a unit that is held up, even on the path. The
@@ -93,16 +94,11 @@ def from_line(tip: Array, line: Array) -> Array:
 
 
 def obstacle_episode(time: Array, off: Array, walled: Mask) -> Mask:
-    """Return when the deviation is due to an obstacle.
+    """Return when the deviation ``off`` is due to an obstacle, shape (T, ...).
 
     An episode begins with the first wall and ends ``TAIL_S`` after the deviation from the desired point falls
     below ``RECOVERED_M`` behind the last wall: what remains then decays with the slowest gain, and is no
-    error of steady tracking.
-
-    Args:
-        time: Shape (T,) [s].
-        off: Deviation from the desired point, shape (T, ...) [m].
-        walled: Whether a wall stood, shape (T, ...).
+    error of steady tracking. ``walled`` is whether a wall stood, shape (T, ...).
 
     Returns:
         Shape (T, ...).
@@ -120,11 +116,7 @@ def obstacle_episode(time: Array, off: Array, walled: Mask) -> Mask:
 def tracking_error(time: Array, off: Array, arc_end: Array, episode: Mask) -> Array:
     """Return the largest deviation from the desired point [m] about the end of the arc, episodes left out.
 
-    Args:
-        time: Shape (T,) [s].
-        off: Deviation from the desired point, shape (T, ...) [m].
-        arc_end: Time at which the desired point ended the arc, NaN if never, shape (...) [s].
-        episode: Result of :func:`obstacle_episode`, shape (T, ...).
+    The desired point ended the arc at time ``arc_end``, NaN if never, shape (...) [s].
     """
     t = time.reshape(-1, *(1,) * (off.ndim - 1))
     judged = (t >= arc_end - BEFORE_S) & (t <= arc_end + AFTER_S) & ~episode
@@ -136,10 +128,6 @@ def amplitude(off: Array, episode: Mask) -> Array:
 
     For the deviation from the desired point (:func:`deviation`) it includes the lag along the path; for the
     distance from the curve (:func:`from_path`) it is the swing off the path alone.
-
-    Args:
-        off: Either of the two distances, shape (T, ...) [m].
-        episode: Result of :func:`obstacle_episode` for the deviation, shape (T, ...).
     """
     return _largest(off, episode)
 
@@ -150,11 +138,6 @@ def recovery_time(time: Array, off: Array, episode: Mask) -> Array:
     For the deviation from the desired point it includes the time in which a unit that is back on the path
     catches up. It is 0 where the distance never exceeds 0.05 m, and infinite where it does to the end of the
     series: a unit that ended at its obstacle has not recovered.
-
-    Args:
-        time: Shape (T,) [s].
-        off: Either of the two distances, shape (T, ...) [m].
-        episode: Result of :func:`obstacle_episode` for the deviation, shape (T, ...).
     """
     peak = np.argmax(np.where(episode, off, -1.0), axis=0)
     beyond = episode & (off > RECOVERED_M)
@@ -163,6 +146,22 @@ def recovery_time(time: Array, off: Array, episode: Mask) -> Array:
     took = np.where(beyond[-1], np.inf, took)
     recovered: Array = np.where(episode.any(axis=0), took, np.nan)
     return recovered
+
+
+def figures(time: Array, off: Array, beside: Array, arc_end: Array, walled: Mask) -> dict[str, Array]:
+    """Return all of these figures by name, amplitude and recovery also by the distance from the path.
+
+    The arguments are those of :func:`tracking_error` and :func:`obstacle_episode`; ``beside`` is the distance
+    from the path, shape (T, ...) [m].
+    """
+    episode = obstacle_episode(time, off, walled)
+    return {
+        "tracking": tracking_error(time, off, arc_end, episode),
+        "amplitude": amplitude(off, episode),
+        "amplitude_path": amplitude(beside, episode),
+        "recovery": recovery_time(time, off, episode),
+        "recovery_path": recovery_time(time, beside, episode),
+    }
 
 
 def _largest(off: Array, where: Mask) -> Array:

@@ -79,37 +79,10 @@ class PathFollowingStudyResult:
     obstacle: Array
     path: Path
 
-    def deviation(self) -> Array:
-        """Return the distance of the controlled from the desired point, lag included, (steps, trials) [m]."""
-        return metrics.deviation(self.tip, self.desired)
-
-    def from_path(self) -> Array:
-        """Return the distance of the controlled point from the curve of the path, (steps, trials) [m]."""
-        return metrics.from_path(self.tip, self.path)
-
-    def episode(self) -> NDArray[np.bool_]:
-        """Return when the deviation is due to the obstacle, shape (steps, trials)."""
-        return metrics.obstacle_episode(self.time, self.deviation(), self.walled)
-
-    def tracking_error(self) -> Array:
-        """Return the steady tracking error about the end of the arc, shape (trials,) [m]."""
-        return metrics.tracking_error(self.time, self.deviation(), self.arc_end, self.episode())
-
-    def amplitude(self) -> Array:
-        """Return the largest deviation from the desired point at the obstacle, shape (trials,) [m]."""
-        return metrics.amplitude(self.deviation(), self.episode())
-
-    def amplitude_from_path(self) -> Array:
-        """Return the largest distance from the path at the obstacle, shape (trials,) [m]."""
-        return metrics.amplitude(self.from_path(), self.episode())
-
-    def recovery_time(self) -> Array:
-        """Return the time from the largest deviation to the last above 0.05 m, shape (trials,) [s]."""
-        return metrics.recovery_time(self.time, self.deviation(), self.episode())
-
-    def recovery_to_path(self) -> Array:
-        """Return the time from the largest distance from the path to the last above 0.05 m, (trials,) [s]."""
-        return metrics.recovery_time(self.time, self.from_path(), self.episode())
+    def figures(self) -> dict[str, Array]:
+        """Return the figures of :func:`msrr_control.studies.metrics.figures`, each of shape (trials,)."""
+        off, beside = metrics.deviation(self.tip, self.desired), metrics.from_path(self.tip, self.path)
+        return metrics.figures(self.time, off, beside, self.arc_end, self.walled)
 
     def body_distance(self) -> Array:
         """Return the distance of the body from the middle of the obstacle, shape (steps, trials) [m]."""

@@ -26,10 +26,8 @@ class MovementAuthority:
     def __init__(self, limits: LimitsSpec, reaction_s: float) -> None:
         """Begin without an authority.
 
-        Args:
-            limits: What the drive can do.
-            reaction_s: Longest time from a state to the effect on the wheels of what is decided on it, the
-                period of control included [s].
+        ``reaction_s`` is the longest time from a state to the effect on the wheels of what is decided on it,
+        the period of control included.
         """
         self._deceleration = _BRAKING_SHARE * limits.a_max_mps2
         self._reaction = reaction_s

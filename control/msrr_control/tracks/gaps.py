@@ -26,10 +26,7 @@ PORT_GAP_M = 0.02
 def needed(earlier: Track, later: Track, body: Body) -> Array:
     """Return how far the earlier unit has to be for the later one to pass each sample of its own track.
 
-    Args:
-        earlier: Track of the unit that goes first.
-        later: Track of the one that keeps out of what the other still has to drive.
-        body: Form of both.
+    The earlier unit goes first, and the later one keeps out of what the other still has to drive.
 
     Returns:
         Arc lengths on the earlier track, not descending, shape (N,) [m]; infinite where the earlier one never
@@ -49,11 +46,7 @@ def needed(earlier: Track, later: Track, body: Body) -> Array:
 def first_near(track: Track, X_WB: SE2, at_port: bool, body: Body) -> float | None:
     """Return where a track first comes too near to a standing body [m]; None if it never does.
 
-    Args:
-        track: The track.
-        X_WB: Pose of the standing body.
-        at_port: Whether that stands at a port.
-        body: Form of both.
+    ``at_port`` is whether that body stands at a port.
     """
     until = needed(standing(X_WB, at_port), track, body)
     return float(track.s[np.searchsorted(until, math.inf)]) if until[-1] == math.inf else None
@@ -72,11 +65,6 @@ def contact_on_the_way(track: Track, request: RouteRequest, body: Body) -> tuple
 
     The units of the ports that are left and entered count as well, but not in the legs out of and into a
     port.
-
-    Args:
-        track: The track.
-        request: What it was asked for, and what stands there.
-        body: Form of the units.
     """
     partners = [s for s in request.standing if s.name in (request.leaves, request.enters)]
     between = ~track.at_port
@@ -92,11 +80,6 @@ def first_contact(track: Track, others: Sequence[Standing], body: Body) -> tuple
     To a body that stands beside the start it may come nearer than moving units do: into and out of a port as
     near as neighbours are, else as near as it has been, because the collision monitor lets a unit that is
     near only drive away.
-
-    Args:
-        track: The track.
-        others: The bodies.
-        body: Form of the units.
     """
     start = SE2(*track.poses[0].tolist())
     contacts: list[tuple[float, str]] = []

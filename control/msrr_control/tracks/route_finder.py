@@ -56,13 +56,8 @@ class RouteFinder:
     ) -> None:
         """Bind the finder to what does not change.
 
-        Args:
-            body: Form of the units.
-            params: Parameters of the routes.
-            box: Where units may be and are seen: x low, x high, y low, y high [m].
-            border: What ``box`` is, in words.
-            inner: Bounds inside of ``box`` that routes and shapes do not leave if there is a way; None for
-                ``box``.
+        ``box`` is where units may be and are seen, x low, x high, y low, y high [m], and ``border`` what it
+        is, in words. ``inner`` are bounds inside of it that routes and shapes do not leave if there is a way.
         """
         self.body, self.box, self._border = body, box, border
         self.inner = box if inner is None else inner
@@ -157,13 +152,7 @@ class RouteFinder:
         return self._planner.margins.way_to_turn(arena, self.body.radius)
 
     def behind(self, X_WU: SE2, distance: float, obstacles: tuple[ObstacleEstimate, ...]) -> str | None:
-        """Return what keeps a unit from driving straight back, out of a port; None if nothing does.
-
-        Args:
-            X_WU: Where the unit stands.
-            distance: Way back [m].
-            obstacles: Obstacles.
-        """
+        """Return what keeps a unit from driving straight back by ``distance`` [m]; None if nothing does."""
         back = np.linspace(0.0, distance, 2 + math.ceil(distance / SPACING_M))
         poses = compose(X_WU, np.stack([-back, np.zeros_like(back), np.zeros_like(back)], axis=-1))
         x0, x1, y0, y1 = self.box
@@ -207,12 +196,9 @@ class RouteFinder:
     def ahead_in_lane(
         self, track: Track, progress: float, obstacles: tuple[ObstacleEstimate, ...]
     ) -> str | None:
-        """Return the obstacle that a unit would meet on the rest of its dock leg; None if there is none.
+        """Return the obstacle, as seen now, that a unit would meet on the rest of its dock leg; None if none.
 
-        Args:
-            track: Track that ends in a port.
-            progress: Arc length that the unit has covered [m].
-            obstacles: Obstacles as they are seen now.
+        The track ends in a port, and the unit has covered it up to arc length ``progress`` [m].
         """
         X_WD = track.end @ SE2(self.body.offset, 0.0, 0.0)
         left = track.length - max(progress, track.dock_start)

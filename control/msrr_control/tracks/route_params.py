@@ -11,13 +11,7 @@ from msrr_control.planning.route import RouteSpec
 
 @dataclass(frozen=True)
 class RouteParams:
-    """Parameters of the routes, those of the long-distance phase.
-
-    Attributes:
-        route: Shape of the routes.
-        walls: Walls beside obstacles.
-        pace: Speed along the path.
-    """
+    """Parameters of the routes, those of the long-distance phase."""
 
     route: RouteSpec = field(default_factory=RouteSpec)
     walls: WallSpec = field(default_factory=WallSpec)

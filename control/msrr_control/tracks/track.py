@@ -83,13 +83,8 @@ class Track:
         """Return the arc length between ``low`` and ``high`` at which the track first passes a pose [m].
 
         A track may pass a pose more than once, as where a unit turns, drives off and comes back, or backs out
-        of a port and drives on ahead. Only the first time is sure to lie behind the unit.
-
-        Args:
-            X_WU: Estimate of the unit's pose.
-            low: Smallest arc length that counts [m].
-            high: Largest one [m].
-            off: Distance from the track beyond which the pose does not belong to it [m].
+        of a port and drives on ahead. Only the first time is sure to lie behind the unit. A pose farther than
+        ``off`` [m] from the track does not belong to it.
 
         Returns:
             Arc length of the sample before which the track comes nearer, and after which it does not; None if

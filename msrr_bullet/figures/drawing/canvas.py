@@ -15,7 +15,6 @@ from msrr_scenes.errors import MsrrError
 from msrr_scenes.whole_files import write_named
 
 Image = NDArray[np.uint8]
-Point = tuple[float, float]
 
 FONT, TEXT_SCALE, SMALL_SCALE, TABLE_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.52, 0.44, 0.45
 #: Height of the lines of text above and below a frame [px].
@@ -123,9 +122,7 @@ class Canvas:
         self.line([b - along + across, b, b - along - across], colour, 2, closed=True, halo=halo)
         self.fill(np.array([b - along + across, b, b - along - across]), colour)
 
-    def text(
-        self, point: ArrayLike, text: str, colour: int, halo: int = PAPER, scale: float = SMALL_SCALE
-    ) -> None:
+    def text(self, point: ArrayLike, text: str, colour: int, scale: float = SMALL_SCALE) -> None:
         """Write centred above a point (2,), moved inside the image if necessary."""
         p = np.asarray(point, dtype=np.float64)
         if not np.isfinite(p).all() or not _drawable(p):
@@ -136,7 +133,7 @@ class Canvas:
         left, bottom = round(min(max(x, 2), width - w - 2)), round(min(max(y, h + 2), height - 4))
         # The halo is the same text at eight neighbouring places, because thicker text would be wider as well.
         offsets = [(dx, dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
-        for (dx, dy), c in [*((offset, halo) for offset in offsets), ((0, 0), colour)]:
+        for (dx, dy), c in [*((offset, PAPER) for offset in offsets), ((0, 0), colour)]:
             origin = left + dx, bottom + dy
             cv2.putText(self.image, text, origin, FONT, scale, bgr(c), 1, cv2.LINE_AA)
 

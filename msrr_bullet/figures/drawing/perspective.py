@@ -29,12 +29,7 @@ _RIM = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Perspective:
-    """Camera at a pose.
-
-    Attributes:
-        camera: Pinhole model of the camera.
-        X_WC: Pose of its optical frame in the world.
-    """
+    """Pinhole camera at a pose of its optical frame in the world."""
 
     camera: PinholeCamera
     X_WC: SE3

@@ -26,12 +26,7 @@ GRID_STEP = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """Picture of a camera, to which points of the world are drawn where the camera sees them.
-
-    Attributes:
-        canvas: Canvas of the picture.
-        perspective: Camera at its pose.
-    """
+    """Picture of a camera, to which points of the world are drawn where the camera sees them."""
 
     canvas: Canvas
     perspective: Perspective
@@ -59,14 +54,9 @@ def draw_scene(
     poses: Mapping[str, SE2],
     hidden: str | None,
 ) -> None:
-    """Draw floor and bodies.
+    """Draw floor and bodies: those that are present, by their poses ``X_WB``.
 
-    Args:
-        drawing: Picture of the camera.
-        arena: Extent of the floor.
-        solids: Solids of every body of the scene by name.
-        poses: ``X_WB`` of the bodies that are present.
-        hidden: Name of a body that the camera does not see: the unit that carries it; None without one.
+    ``hidden`` is the body that the camera does not see: the unit that carries it; None without one.
     """
     draw_floor(drawing, arena)
     faces = list(_faces(drawing.perspective, solids, poses, hidden))

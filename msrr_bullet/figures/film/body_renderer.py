@@ -43,11 +43,7 @@ class BodyRenderer:
     """
 
     def __init__(self, scene: Scene, built: AsBuilt) -> None:
-        """Prepare the shapes of all bodies.
-
-        Args:
-            scene: Scene of the run.
-            built: What was not as the scene says.
+        """Prepare the shapes of all bodies, as they were built.
 
         Raises:
             GeometryError: A mesh of a unit cannot be read.
@@ -75,10 +71,7 @@ class BodyRenderer:
     def draw(self, perspective: Perspective, poses: Mapping[str, SE2], floor: Image) -> Image:
         """Return a picture of the bodies over a picture of the floor, each of shape (height, width, 3), BGR.
 
-        Args:
-            perspective: Camera at its pose, in front of which all bodies are.
-            poses: ``X_WB`` of the bodies that are present.
-            floor: What the camera sees where no body is.
+        All bodies are in front of the camera. Those without a pose ``X_WB`` are not present.
         """
         away = SE3(perspective.X_WC.R, perspective.X_WC.act(_NOWHERE))
         places = [SE3.from_se2(poses[name]) if name in poses else away for name in self._names]

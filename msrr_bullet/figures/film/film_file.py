@@ -37,9 +37,8 @@ class FilmFile:
     def __init__(self, path: Path, pictures: int) -> None:
         """Prepare a file.
 
-        Args:
-            path: File to write. Its ending says which kind of film: one of :data:`ENDINGS`.
-            pictures: Number of pictures that the film will have.
+        Its ending says which kind of film: one of :data:`ENDINGS`. ``pictures`` is the number that it will
+        have.
 
         Raises:
             FilmError: There is no such kind of film, no such folder, or a GIF would have too many pictures.

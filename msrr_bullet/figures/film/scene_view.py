@@ -7,13 +7,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from msrr_bullet.figures.drawing.canvas import PAPER, Canvas, Key
+from msrr_bullet.figures.drawing.canvas import Canvas, Key
 from msrr_bullet.figures.drawing.mission_marks import STEP_M, name_of
 from msrr_bullet.figures.drawing.perspective import Perspective, Solids, on_floor
 from msrr_bullet.figures.drawing.schematic import Drawing, draw_floor, ring
 from msrr_bullet.figures.film.body_renderer import BodyRenderer
 from msrr_bullet.figures.frames.annotation import AnnotatedFrame, DrawingContext, state_text
 from msrr_bullet.figures.frames.overhead_frame import (
+    MISSION_KEYS,
     NAME_SCALE,
     draw_links,
     draw_outline,
@@ -22,18 +23,7 @@ from msrr_bullet.figures.frames.overhead_frame import (
     draw_sight,
 )
 from msrr_bullet.timeline.interpolation import SnapshotInterpolator
-from msrr_bullet.timeline.palette import (
-    ALARM,
-    BELIEF,
-    BLACK,
-    CLEARANCE,
-    DARK,
-    GRID,
-    PATH,
-    PLAN,
-    SIGHT,
-    VIEW_FROM,
-)
+from msrr_bullet.timeline.palette import BELIEF, CLEARANCE, GRID, PATH, PLAN, SIGHT, VIEW_FROM
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import PinholeCamera
@@ -60,14 +50,7 @@ _LEGEND = (
 )
 #: Legend of a recording, of which nobody knows the truth.
 _RECORDING_LEGEND = (Key(BELIEF, "where the robot believes it is, and its way"), Key(SIGHT, "line of sight"))
-_MISSION_LEGEND = (
-    Key(DARK, "way of a unit, truth"),
-    Key(DARK, "its route, thick as far as it is granted", dashed=True),
-    Key(BELIEF, "where units under way believe they are"),
-    Key(ALARM, "waits for"),
-    Key(BLACK, "docked pair"),
-    Key(CLEARANCE, "smallest clearance"),
-)
+_MISSION_LEGEND = (*MISSION_KEYS, Key(BELIEF, "where units under way believe they are"))
 
 
 class SceneView:
@@ -78,12 +61,6 @@ class SceneView:
 
     def __init__(self, context: DrawingContext, trial: SnapshotInterpolator, width: int, height: int) -> None:
         """Place the camera so that it sees all that happens.
-
-        Args:
-            context: Scene and models of the run.
-            trial: The run.
-            width: Width of the pictures [px].
-            height: Their height [px].
 
         Raises:
             GeometryError: A mesh of a unit cannot be read.
@@ -176,7 +153,7 @@ class SceneView:
         """Write the name of a unit above its body."""
         top = on_floor(X_WU.translation, self._heights[unit] + NAME_GAP)
         text, ink = name_of(unit, snapshot.mission)
-        canvas.text(self.perspective.pixels(top)[0], text, ink, halo=PAPER, scale=NAME_SCALE)
+        canvas.text(self.perspective.pixels(top)[0], text, ink, scale=NAME_SCALE)
 
 
 def _draw_obstacle_beliefs(ground: Drawing, snapshot: Snapshot) -> None:

@@ -135,13 +135,7 @@ def draw_frame(
 ) -> Drawing:
     """Draw a frame: its pixels where they were read, a schematic elsewhere, and outlines of windows and tags.
 
-    It is drawn as the ideal camera would see it.
-
-    Args:
-        context: Scene and models of the run.
-        view: Frame as far as it was read.
-        perspective: Camera at its pose.
-        snapshot: Trial at the time of exposure.
+    It is drawn as the ideal camera would see it, with the trial at the time of exposure.
     """
     camera = view.camera
     canvas = Canvas(camera.width, camera.height, max(1, WIDTH // camera.width), GRID)

@@ -42,19 +42,10 @@ class FramesError(MsrrError):
 
 
 class FrameAnnotator:
-    """Annotator of the frames of one run.
-
-    Attributes:
-        trial: Snapshots of the run at any time.
-        context: Scene and models with which frames are drawn.
-    """
+    """Annotator of the frames of one run."""
 
     def __init__(self, log: Log, snapshots: Sequence[Snapshot] | None = None) -> None:
-        """Read the run.
-
-        Args:
-            log: Log of the run.
-            snapshots: Its snapshots, where they have been read before; None reads them.
+        """Read the run; its snapshots may be given where they have been read before.
 
         Raises:
             MsrrError: The run ended before the first decision.
@@ -69,10 +60,7 @@ class FrameAnnotator:
     def draw_latest(self, camera: str, latest: CameraView | None, now_ns: int) -> AnnotatedFrame:
         """Annotate the last frame of a camera; when the next is overdue, its view drawn from truth alone.
 
-        Args:
-            camera: Name of the camera.
-            latest: Its last frame up to now; None before the first.
-            now_ns: Time.
+        ``latest`` is the last frame up to now; None before the first.
         """
         cameras = self.context.scene.cameras
         spec = cameras.overhead if camera == OVERHEAD and cameras.overhead is not None else cameras.onboard
@@ -98,12 +86,7 @@ def draw_view(context: DrawingContext, view: CameraView, trial: SnapshotInterpol
 
 @dataclass(frozen=True, slots=True)
 class WrittenFrames:
-    """Files that were written.
-
-    Attributes:
-        frames: One picture for each frame, in order of time.
-        sheet: Picture of all frames.
-    """
+    """Files that were written: a picture of each frame, in order of time, and one of all frames."""
 
     frames: tuple[Path, ...]
     sheet: Path

@@ -38,13 +38,7 @@ _LEGEND = (
 
 
 def draw_onboard(context: DrawingContext, view: CameraView, snapshot: Snapshot) -> AnnotatedFrame:
-    """Annotate a frame of the onboard camera of a unit.
-
-    Args:
-        context: Scene and models of the run.
-        view: Frame as far as it was read.
-        snapshot: Trial at the time of exposure.
-    """
+    """Annotate a frame of the onboard camera of a unit, with the trial at the time of exposure."""
     unit = carrier_of(view.exposure.camera) or ""
     snapshot = snapshot.of_unit(unit)
     scene, first, step = context.scene, snapshot.first, snapshot.first.step

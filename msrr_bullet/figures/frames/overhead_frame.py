@@ -43,31 +43,26 @@ _LEGEND = (
     Key(SIGHT, "line of sight"),
 )
 
-
-#: Legend of a mission of a base station, whose units have colours of their own.
-_MISSION_LEGEND = (
-    READ_KEY,
-    DETECTION_KEY,
+#: What all pictures of a mission of a base station show, whose units have colours of their own.
+MISSION_KEYS = (
     Key(DARK, "way of a unit, truth"),
     Key(DARK, "its route, thick as far as it is granted", dashed=True),
     Key(ALARM, "waits for"),
     Key(BLACK, "docked pair"),
-    Key(BELIEF, "where units under way believe they are; obstacles: circle about their footprint"),
     Key(CLEARANCE, "smallest clearance"),
+)
+_MISSION_LEGEND = (
+    READ_KEY,
+    DETECTION_KEY,
+    *MISSION_KEYS,
+    Key(BELIEF, "where units under way believe they are; obstacles: circle about their footprint"),
 )
 
 
 def draw_overhead(
     context: DrawingContext, view: CameraView, snapshot: Snapshot, past: Sequence[Snapshot]
 ) -> AnnotatedFrame:
-    """Annotate a frame of the overhead camera.
-
-    Args:
-        context: Scene and models of the run.
-        view: Frame as far as it was read.
-        snapshot: Trial at the time of exposure.
-        past: Trial up to that time.
-    """
+    """Annotate a frame of the overhead camera, with the trial at the time of exposure and up to it."""
     perspective = Perspective.overhead(context.scene, context.built)
     drawing = draw_frame(context, view, perspective, snapshot)
     if snapshot.mission is not None:

@@ -34,11 +34,8 @@ def draw_photograph(
 ) -> Image:
     """Return a photograph, BGR of shape (height, width, 3), with its tags drawn on it.
 
-    Args:
-        pixels: The photograph, mono8 of shape (height, width).
-        title: Line of text above it.
-        tags: Each tag with its poses, the best first.
-        posed: Lens and length of the axes, where there are poses.
+    The photograph is mono8 of shape (height, width), and ``title`` a line of text above it. Each tag comes
+    with its poses, the best first, and ``posed`` is lens and length of the axes, where there are poses.
     """
     height, width = pixels.shape
     canvas = Canvas(width, height, max(1, _WIDTH // width))

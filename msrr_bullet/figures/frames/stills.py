@@ -33,10 +33,6 @@ _GROWTH = 1.1
 def draw_stills(log: Log, snapshots: Sequence[Snapshot]) -> list[Still]:
     """Return stills of all cameras of a run, in order of time; none where the robots read no pixels.
 
-    Args:
-        log: Log of the run.
-        snapshots: Its snapshots, at least one.
-
     Raises:
         MsrrError: There is no snapshot.
     """

@@ -43,12 +43,7 @@ def tilt(view: FittedView) -> tuple[float, float]:
 
 
 def draw_coverage(calibration: CameraCalibration, path: Path) -> Path:
-    """Draw where the boards were seen, how they were tilted, and the residuals of points and pictures.
-
-    Args:
-        calibration: The calibration.
-        path: PNG file to write.
-    """
+    """Draw where the boards were, how they were tilted, and the residuals of points and pictures, as PNG."""
     with styled():
         figure = new_figure(_WIDTH_IN, _HEIGHT_IN)
         where, tilts, residuals = figure.subplots(1, 3, width_ratios=(1.5, 1.0, 1.3))

@@ -234,11 +234,7 @@ def draw_stack(
 ) -> None:
     """Draw axes one above the other with a common axis of time.
 
-    Args:
-        figure: Figure to draw into.
-        region: Region of the figure.
-        series: Series of the trial, whose phases are the background of all axes.
-        curves: Functions that draw one axes each, from top to bottom.
+    The phases of the trial are the background of all axes, and each function draws one, from top to bottom.
     """
     rows = region.subgridspec(len(curves), 1)
     lowest = figure.add_subplot(rows[len(curves) - 1])

@@ -44,13 +44,7 @@ _MARKS = {
 
 
 def draw_mission_chart(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) -> None:
-    """Draw one row for each unit of a mission, the first unit at the top.
-
-    Args:
-        axes: Axes to draw on.
-        scene: Scene of the trial.
-        snapshots: Snapshots of a mission in order of time, at least one.
-    """
+    """Draw one row for each unit of a mission, the first unit at the top; there is at least one snapshot."""
     end = seconds(snapshots[-1].stamp_ns)
     colours = unit_colours(scene)
     kinds: set[EventKind] = set()

@@ -43,12 +43,8 @@ def write_picture(
 ) -> Path:
     """Write a PNG that summarizes a trial, and return the path of the file.
 
-    Args:
-        path: File to write.
-        scene: Scene of the trial.
-        snapshots: Snapshots in order of time, at any rate.
-        onboard: Views of the onboard camera, of which at most three are shown.
-        headline: Text after the name of the scene, such as the outcome.
+    At most three views of the onboard camera are shown. Scene, snapshots and headline are as for
+    :func:`msrr_bullet.figures.plots.run_plot.write_plot`.
 
     Raises:
         MsrrError: There is no snapshot.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from msrr_bullet.studies.gain_delay import C1, LAWS
 from msrr_bullet.studies.labels import C2
 from msrr_bullet.studies.measures import measure
-from msrr_bullet.studies.model import GainDelayMap, Reproduction
+from msrr_bullet.studies.model import GainDelayMap
 from msrr_bullet.studies.settings import PAPER_TRAJECTORY
 
 #: Share of trials from which on a cell of the map counts as docking.
@@ -24,12 +24,8 @@ def count_cells(chart: GainDelayMap, first: str, second: str) -> tuple[int, int,
     return pairs.count((True, False)), pairs.count((True, True)), pairs.count((False, True))
 
 
-def map_text(results: Reproduction) -> list[str]:
-    """Describe the maps, a paragraph each."""
-    return [_map_paragraph(chart) for chart in results.maps]
-
-
-def _map_paragraph(chart: GainDelayMap) -> str:
+def map_text(chart: GainDelayMap) -> str:
+    """Describe a map in a paragraph."""
     c1_alone, both, c2_alone = count_cells(chart, C1, C2)
     cells = len(chart.gains) * len(chart.latencies)
     text = (

@@ -20,12 +20,9 @@ from msrr_scenes.whole_files import write_whole
 
 
 def write_report(results: Reproduction, figures: Mapping[str, Path], path: Path) -> Path:
-    """Write the report.
+    """Write the report with its figures.
 
-    Args:
-        results: Results of the reproduction.
-        figures: PNG files by title, in the order in which they are shown; a title begins with its section.
-        path: File to write.
+    They are PNG files by title, in the order in which they are shown; a title begins with its section.
     """
 
     def pictures(section: str) -> list[tuple[str, str]]:
@@ -59,7 +56,7 @@ def write_report(results: Reproduction, figures: Mapping[str, Path], path: Path)
         conclusions=[text for text in (default_controller_text(results), *lag_text(results)) if text],
         ranking_columns=COLUMNS,
         ranking=ranking(results),
-        map_text=map_text(results),
+        map_text=[map_text(chart) for chart in results.maps],
     )
     write_whole(path, page)
     return path

@@ -27,13 +27,9 @@ _STYLES = ("-", "--", ":")
 
 
 def draw_panels(panels: Panels, name: str, path: Path, cone_deg: tuple[float, float]) -> Path:
-    """Draw one controller's trial.
+    """Draw the trial of the controller with the label ``name`` as a PNG file.
 
-    Args:
-        panels: Series of the phase.
-        name: Label of the controller.
-        path: PNG file to write.
-        cone_deg: Inner and outer bound of the line of sight [deg].
+    ``cone_deg`` are the inner and the outer bound of the line of sight.
     """
     series = panels.series[name]
     colour = controller_style(name)[0]

@@ -74,9 +74,7 @@ class Board(Protocol):
     def find(self, pixels: Pixels, lens: Lens | None = None) -> BoardPoints | None:
         """Return the points of the board in mono8 ``pixels``, shape (height, width); None without a board.
 
-        Args:
-            pixels: The picture.
-            lens: Lens of the picture as far as it is known; edges of tags are straight without it.
+        Edges of tags are straight without the lens of the picture, as far as it is known.
         """
 
     def hint(self, pixels: Pixels) -> str:
@@ -95,10 +93,8 @@ class Chessboard:
     def __init__(self, columns: int, rows: int, square: float) -> None:
         """Create a board.
 
-        Args:
-            columns: Number of inner corners in a row, which is one less than that of squares.
-            rows: Number of rows of inner corners.
-            square: Edge of a square [m].
+        ``columns`` and ``rows`` count inner corners, one less than squares; ``square`` is the edge of a
+        square [m].
 
         Raises:
             BoardError: There are fewer than three by three inner corners.
@@ -146,12 +142,8 @@ class CharucoBoard:
     def __init__(self, columns: int, rows: int, square: float, marker: float, dictionary: str) -> None:
         """Create a board.
 
-        Args:
-            columns: Number of squares in a row.
-            rows: Number of rows.
-            square: Edge of a square [m].
-            marker: Edge of the black square of a marker [m].
-            dictionary: Name of the dictionary of OpenCV, such as ``DICT_4X4_50``.
+        ``columns`` and ``rows`` count squares, of the edge ``square``; ``marker`` is the edge of the black
+        square of a marker [m], and ``dictionary`` a name of OpenCV, such as ``DICT_4X4_50``.
 
         Raises:
             BoardError: There is no such board.
@@ -207,12 +199,8 @@ class TagGrid:
     def __init__(self, columns: int, rows: int, pitch: float, tag_size: float, family: str) -> None:
         """Create a grid.
 
-        Args:
-            columns: Number of tags in a row.
-            rows: Number of rows.
-            pitch: Distance from a tag to the same edge of the next one [m].
-            tag_size: Edge of the black square of a tag [m].
-            family: Tag family.
+        ``pitch`` is the distance from a tag to the same edge of the next one, and ``tag_size`` the edge of
+        its black square [m].
 
         Raises:
             BoardError: The tags overlap, or there are fewer than two.

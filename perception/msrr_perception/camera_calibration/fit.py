@@ -63,12 +63,7 @@ class CalibrationError(MsrrError):
 
 @dataclass(frozen=True, eq=False)
 class BoardView:
-    """A board in a picture.
-
-    Attributes:
-        name: Name of the picture.
-        points: The points of the board that were found.
-    """
+    """Points of a board that were found in a picture, with the name of the picture."""
 
     name: str
     points: BoardPoints
@@ -124,13 +119,8 @@ def calibrate_camera(
 
     The number of coefficients of the distortion that are free is the smallest one with which pictures that
     were held out are shown as well as with any other one, within one standard error. Pictures that contradict
-    the others are left out.
-
-    Args:
-        views: The boards.
-        width: Width of all pictures [px].
-        height: Their height [px].
-        free: Number of free coefficients, one of :data:`MODELS`; None to have it chosen.
+    the others are left out. ``free`` is one of :data:`MODELS`, or None to have it chosen. The width and the
+    height are those of all pictures [px].
 
     Raises:
         CalibrationError: The pictures do not determine a camera.

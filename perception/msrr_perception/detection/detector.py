@@ -61,13 +61,16 @@ class Detector(Protocol):
         ...
 
 
-def for_large_tags(detector: Detector) -> Detector:
-    """Return the detector to use where all tags appear larger than :data:`LARGE_TAG_PX`.
+def adapted(detector: Detector, method: str, *arguments: object) -> Detector:
+    """Return what a method of a detector returns; the detector itself if it has no such method.
 
-    A detector offers a cheaper one for that case by a method ``for_large_tags()``, which returns it.
+    A detector that reads tags faster or better where it knows more of an image may have the methods
+    ``for_large_tags()`` (all tags appear larger than :data:`LARGE_TAG_PX`), ``for_lens(lens)`` (it measures
+    straight edges, which a lens may bend), ``for_blur(blur_px)`` and ``for_noise(noise_grey)`` (standard
+    deviations of the blur [px] and of a pixel [grey levels]). Each returns the detector to use there.
     """
-    make = getattr(detector, "for_large_tags", None)
-    return detector if make is None else make()
+    make = getattr(detector, method, None)
+    return detector if make is None else make(*arguments)
 
 
 def detectors_by_size(detector: Detector) -> tuple[tuple[float, Detector], ...]:
@@ -78,7 +81,7 @@ def detectors_by_size(detector: Detector) -> tuple[tuple[float, Detector], ...]:
     """
     found = [(0.0, detector)]
     for k in range(2, _MOST_DECIMATION + 1):
-        found.append((0.5 * k * LARGE_TAG_PX, for_large_tags(found[-1][1])))
+        found.append((0.5 * k * LARGE_TAG_PX, adapted(found[-1][1], "for_large_tags")))
     return tuple(reversed(found))
 
 
@@ -87,44 +90,13 @@ def detector_for(detectors: Sequence[tuple[float, Detector]], upright_px: float)
     return next(detector for least_px, detector in detectors if upright_px >= least_px)
 
 
-def for_lens(detector: Detector, lens: Lens) -> Detector:
-    """Return the detector to use behind a lens; its corners are pixels of the frame, too.
-
-    A detector that measures straight edges, which a lens may bend, offers one by a method ``for_lens(lens)``.
-    """
-    make = getattr(detector, "for_lens", None) if lens.distorts else None
-    return detector if make is None else make(lens)
-
-
-def for_noise(detector: Detector, noise_grey: float) -> Detector:
-    """Return the detector to use for images with noise of this standard deviation [grey levels].
-
-    A detector that takes longer where it has to look for tags in noise offers one by a method
-    ``for_noise(noise_grey)``.
-    """
-    make = getattr(detector, "for_noise", None)
-    return detector if make is None else make(noise_grey)
-
-
-def for_blur(detector: Detector, blur_px: float) -> Detector:
-    """Return the detector to use behind a lens with a blur of this standard deviation [px].
-
-    A detector whose corners depend on the blur offers one by a method ``for_blur(blur_px)``.
-    """
-    make = getattr(detector, "for_blur", None)
-    return detector if make is None else make(blur_px)
-
-
 def for_camera(detector: Detector, lens: Lens, blur_px: float, noise_grey: float) -> Detector:
     """Return the detector to use for a camera, by its calibration and what its data sheet says.
 
-    Args:
-        detector: Detector of any camera.
-        lens: Lens of the camera.
-        blur_px: Standard deviation of its blur [px].
-        noise_grey: Standard deviation of a pixel [grey levels].
+    ``blur_px`` and ``noise_grey`` are the standard deviations of its blur [px] and of a pixel [grey levels].
     """
-    return for_noise(for_blur(for_lens(detector, lens), blur_px), noise_grey)
+    behind = adapted(detector, "for_lens", lens) if lens.distorts else detector
+    return adapted(adapted(behind, "for_blur", blur_px), "for_noise", noise_grey)
 
 
 class PupilDetector(RefiningDetector):
@@ -132,9 +104,6 @@ class PupilDetector(RefiningDetector):
 
     All instances in a thread share one native detector (see
     :mod:`msrr_perception.detection.native_apriltag`).
-
-    Attributes:
-        settings: Settings of the native detector.
     """
 
     raw_sigma_px = 0.13
@@ -215,16 +184,12 @@ def default_search_detector(
     """Return a detector that quickly finds tags at any angle in a full frame.
 
     It searches at half the resolution where that misses none, which takes a third of the time.
-
-    Args:
-        family: Family of the tags.
-        smallest_px: Edge of the smallest tag in the image [px].
-        blur_px: Standard deviation of the camera's blur [px].
-        noise_grey: Standard deviation of a pixel [grey levels].
+    ``smallest_px`` is the edge of the smallest tag in the image. Blur and noise are those of the camera, as
+    for :func:`for_camera`.
     """
     large = smallest_px >= math.sqrt(2.0) * LARGE_TAG_PX
     detector = PupilDetector(family, quad_decimate=2.0 if large else 1.0)
-    return for_noise(detector if large else for_blur(detector, blur_px), noise_grey)
+    return (detector if large else detector.for_blur(blur_px)).for_noise(noise_grey)
 
 
 DETECTORS: ExtensionPoint[Detector] = ExtensionPoint(

@@ -29,13 +29,7 @@ class FrameReader:
     """
 
     def __init__(self, fetch: Fetch, optic: Optic, to_light: Pixels | None = None) -> None:
-        """Begin an exposure of which nothing is read.
-
-        Args:
-            fetch: Function that returns the pixels of a window.
-            optic: Known lens of the camera.
-            to_light: Grey level of every pixel value on a straight tone curve; None if the camera has one.
-        """
+        """Begin an exposure of which nothing is read; ``to_light`` is that of the model of the camera."""
         self.windows: list[Window] = []
         self.found: dict[int, TagDetection] = {}
         self._fetch, self._optic, self._to_light = fetch, optic, to_light

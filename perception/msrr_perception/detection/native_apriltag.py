@@ -213,13 +213,8 @@ _native_detector = kept_per_thread(_NativeDetector)
 def detect(pixels: Pixels, family: str, settings: NativeSettings, corrected_bits: int) -> list[TagDetection]:
     """Return the tags in mono8 ``pixels``, shape (height, width), with corners in pixels of this image.
 
-    Args:
-        pixels: The image.
-        family: Family of the tags.
-        settings: Settings of the library.
-        corrected_bits: Number of wrong bits up to which a tag is read; no more than :data:`LIBRARY_BITS`
-            are corrected, and one in the largest families. Memory and time of a thread's first call grow with
-            it.
+    Tags are read with up to ``corrected_bits`` wrong bits; no more than :data:`LIBRARY_BITS` are corrected,
+    and one in the largest families. Memory and time of a thread's first call grow with it.
     """
     most = 1 if FAMILIES[family].ids > _MOST_TAGS else LIBRARY_BITS
     native = _native_detector(family, min(corrected_bits, most))
@@ -236,10 +231,6 @@ def detect(pixels: Pixels, family: str, settings: NativeSettings, corrected_bits
 
 def tag_bitmap(family: str, tag_id: int) -> NDArray[np.bool_]:
     """Return the modules of a tag as AprilRobotics print it, white true, upright.
-
-    Args:
-        family: One of :data:`msrr_scenes.specs.tag_families.FAMILIES`.
-        tag_id: An id of the family.
 
     Returns:
         Shape (N, N) with the family's ``plate_modules`` N.

@@ -59,14 +59,7 @@ class OnboardVision:
         policy: WindowPolicy = DEFAULT_POLICY,
         full_every: int = FULL_FRAME_PERIOD,
     ) -> None:
-        """Create a front end that has seen nothing yet.
-
-        Args:
-            target: Camera and map of the tags.
-            detector: Detector that reads tags from pixels.
-            policy: Rules by which windows are cut.
-            full_every: Period of routine full frames [frames], at least 1.
-        """
+        """Create a front end that has seen nothing yet, with the rules by which windows are cut."""
         self.target = target
         self._optic = optic_of(target.lens)
         errors = target.corner_errors
@@ -85,10 +78,7 @@ class OnboardVision:
     def detect(self, exposure: Exposure, prediction: PoseEstimate | None, fetch: Fetch) -> Detections:
         """Read the target's tags from one exposure.
 
-        Args:
-            exposure: Exposure to read.
-            prediction: Pose at the time of the exposure; None if nothing is known.
-            fetch: Function that returns the pixels of a window of this exposure.
+        The prediction is that of the pose at the time of the exposure; None if nothing is known.
 
         Returns:
             Every tag found, by ascending id, and the windows in the order in which they were fetched.

@@ -87,14 +87,10 @@ class OverheadVision:
     ) -> None:
         """Create a front end that has seen nothing yet.
 
-        Args:
-            model: Overhead camera and catalogue of tags.
-            units: Units that matter, at least one: a docking unit and its target, or all.
-            detector: Detector that reads tags from windows.
-            search_detector: Detector that finds tags in large parts of the frame; None takes
-                :func:`~msrr_perception.detection.detector.default_search_detector`.
-            policy: Rules by which windows are cut.
-            standing_every: Period with which bodies that stand still are read [frames], at least 1.
+        At least one unit matters: a docking unit and its target, or all. ``search_detector`` finds tags in
+        large parts of the frame; None takes
+        :func:`~msrr_perception.detection.detector.default_search_detector`. Bodies that stand still are read
+        in one of ``standing_every`` frames, at least 1.
         """
         self.model = model
         self._optic = optic_of(model.lens)
@@ -135,12 +131,9 @@ class OverheadVision:
     ) -> Detections:
         """Read the tags of one exposure.
 
-        Args:
-            exposure: Exposure to read.
-            predictions: Poses at the time of the exposure, by body; bodies that are missing are unknown.
-            fetch: Function that returns the pixels of a window of this exposure.
-            driving: Units that may drive, which are read in every exposure; None: the first that matters.
-            remote: Bodies that no driving unit comes near to for twice ``standing_every`` exposures.
+        Bodies without a predicted pose are unknown. The driving units are read in every exposure; None means
+        the first unit that matters. No driving unit comes near to the ``remote`` bodies for twice
+        ``standing_every`` exposures.
 
         Returns:
             Every tag read, by ascending id, and all windows in the order in which they were fetched.
@@ -172,14 +165,9 @@ class OverheadVision:
     ) -> Detections:
         """Read only the tags of bodies near one place, and of some others, without a search for units.
 
-        It costs the pixels of that place and leaves the state of other reads as it was.
-
-        Args:
-            exposure: Exposure to read.
-            middle_W: Middle of the place on the floor, shape (2,) [m].
-            half_m: Half the edge of the square that is read [m].
-            fetch: Function that returns the pixels of a window of this exposure.
-            predictions: Poses at the time of the exposure of the others, by name.
+        It costs the pixels of that place and leaves the state of other reads as it was. That place is a
+        square on the floor, with its middle at ``middle_W``, shape (2,), and half an edge ``half_m`` [m].
+        ``predictions`` are the poses of the others at the time of the exposure, by name.
 
         Returns:
             The tags found, also of the units that matter where they show in the same windows.

@@ -36,11 +36,8 @@ def restoring_filter(blur_px: float, noise_grey: float) -> Array | None:
     """Return the filter for a camera, shape (2 r + 1, 2 r + 1), of sum 1; None for one that needs none.
 
     The brightness of neighbouring pixels is taken to be independent. The filter k of the blur g solves
-    ``(g * g + n) k = g``, n being the variance of the noise over that of the brightness.
-
-    Args:
-        blur_px: Standard deviation of the blur of the lens [px].
-        noise_grey: Standard deviation of a pixel [grey levels].
+    ``(g * g + n) k = g``, n being the variance of the noise over that of the brightness. Blur [px] and noise
+    [grey levels] are standard deviations.
     """
     if blur_px <= _SHARP_PX:
         return None

@@ -132,17 +132,11 @@ def tags_in_frame(tags: Sequence[ExpectedTag], lens: Lens) -> tuple[ExpectedTag,
 def choose_tags(
     target: TargetModel, expected: Sequence[ExpectedTag], turn: int, policy: WindowPolicy = DEFAULT_POLICY
 ) -> tuple[ExpectedTag, ...]:
-    """Return the tags to read in one frame.
+    """Return the tags to read in the frame of number ``turn``, of those that are expected in view.
 
     Tags of the target port come first (others when none of them is expected). When they are so near that
-    their windows exceed the budget, as many as fit take turns, at least one a frame; when they are so far
-    that area is left, tags of neighbouring ports are read as well.
-
-    Args:
-        target: Camera and map of the tags.
-        expected: Tags expected in view.
-        turn: Number of the frame, which decides the tag that comes first.
-        policy: Budget of pixels.
+    their windows exceed the budget of the policy, as many as fit take turns, at least one a frame; when they
+    are so far that area is left, tags of neighbouring ports are read as well.
     """
     own = [e for e in expected if e.tag_id in target.port_tags]
     others = [e for e in expected if e.tag_id not in target.port_tags]

@@ -44,13 +44,7 @@ class EstimatedCalibrationError:
 def calibration_errors(
     layout: StateLayout, prior: CalibrationEstimate, learned: CalibrationEstimate
 ) -> tuple[EstimatedCalibrationError, ...]:
-    """Return what is known of every error of calibration that has a name.
-
-    Args:
-        layout: Layout of the state of the filter.
-        prior: What the drawing says.
-        learned: What the filter has learned.
-    """
+    """Return what is known of every error of calibration that has a name: by the drawing, and as learned."""
     tolerances, sigmas = (np.sqrt(np.diag(known.covariance)).tolist() for known in (prior, learned))
     rows = zip(layout.quantities, tolerances, learned.mean.tolist(), sigmas, strict=True)
     return tuple(

@@ -18,14 +18,10 @@ class CalibrationMemory:
         self._ports[port] = self._newest = estimate
 
     def recall(self, port: str, prior: CalibrationEstimate) -> CalibrationEstimate:
-        """Return what is known at a port.
+        """Return what is known at a port ``<unit>.<port>``, of which the drawing alone says ``prior``.
 
         What was learned of the unit itself at another port later on is not combined with what this port
         taught: both rest on the same errors of the camera, and their correlation is not kept.
-
-        Args:
-            port: The port, ``<unit>.<port>``.
-            prior: Estimate from the drawing alone.
         """
         known = self._ports.get(port)
         if known is not None:

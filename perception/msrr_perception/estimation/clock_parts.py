@@ -32,10 +32,7 @@ _ALIKE = 1e-4
 def in_doubt(state: FilterState, clock: int, rates: Rates) -> bool:
     """Return whether a unit moves otherwise at some time of an exposure than at another one.
 
-    Args:
-        state: State at the exposure.
-        clock: Where the state has the time by which the clock of the camera is ahead.
-        rates: How the unit moves about the exposure.
+    ``clock`` is where the state has the time by which the clock of the camera is ahead.
     """
     sigma = math.sqrt(state.covariance[clock, clock])
     if sigma <= _PART_S:
@@ -46,13 +43,7 @@ def in_doubt(state: FilterState, clock: int, rates: Rates) -> bool:
 def by_parts(
     prior: FilterState, clock: int, correct: Callable[[FilterState], FilterState | None]
 ) -> FilterState | None:
-    """Return a state corrected as the sum of its parts; None if each of them is outside the gate.
-
-    Args:
-        prior: State at the exposure.
-        clock: Where the state has the time by which the clock of the camera is ahead.
-        correct: Returns a part corrected by the exposure, None outside the gate.
-    """
+    """Return a state corrected as the sum of its parts; None if each of them is outside the gate."""
     found = [one for part in _parts(prior, clock) if (one := correct(part)) is not None]
     if not found:
         return None

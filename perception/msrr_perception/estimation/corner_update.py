@@ -55,13 +55,8 @@ class CornerUpdate:
     ) -> None:
         """Set up for a target.
 
-        Args:
-            target: Camera, map of the tags, and tolerances.
-            corner_sigma_px: Standard deviation of each corner coordinate [px]; None goes by the data sheet of
-                the camera and the size of the tag in the image.
-            tilt_sigma: Standard deviation of pitch and roll of the pair [rad].
-            gate_probability: Share of good tags that pass the gate.
-            start_inflation: Factor on the covariance of what a first state is computed from.
+        The tilt is in radians; all else is as for
+        :class:`msrr_perception.estimation.corner_filter.CornerEkf`.
         """
         self._target, self._layout = target, target.filter_layout
         self._clock = self._layout.clock
@@ -91,13 +86,7 @@ class CornerUpdate:
         return self._first.states(self._of_target(measurement), known)
 
     def correct(self, prior: FilterState, measurement: Measurement, rates: Rates) -> FilterState | None:
-        """Return a state corrected by a measurement; None if that lies outside the gate.
-
-        Args:
-            prior: State at the measurement.
-            measurement: The measurement.
-            rates: How the unit moves about an exposure.
-        """
+        """Return a state corrected by a measurement at its time; None if that lies outside the gate."""
         by = self._by(measurement, rates)
         if self._clock is not None and in_doubt(prior, self._clock, rates):
             return by_parts(prior, self._clock, by)
@@ -158,11 +147,6 @@ class CornerUpdate:
         """Return the state corrected by the corners of those tags that pass the gate; None if none does.
 
         It is None as well where no state explains the corners from such a prior.
-
-        Args:
-            prior: State at the exposure.
-            measured: Tags of the target.
-            rates: How the unit moves about the exposure.
         """
         target, layout, scale = self._target, self._layout, prior.noise_scale
         mean, covariance, chi2, cost, seen, fell = update(

@@ -26,10 +26,6 @@ def pose_in_D(layout: StateLayout, state: FilterState) -> tuple[SE2, Array]:
     """Return the pose in D of a state and its derivatives by the state, shape (3, n).
 
     The marker turns about its middle, and the pose with it.
-
-    Args:
-        layout: Layout of the state.
-        state: The state.
     """
     pose, shares = pose_by_marker(
         state.mean, -1 if layout.marker is None else layout.marker, layout.tags.pivot
@@ -42,12 +38,7 @@ def pose_in_D(layout: StateLayout, state: FilterState) -> tuple[SE2, Array]:
 
 
 def in_seat(target: TargetModel, state: FilterState) -> FilterState:
-    """Return a state corrected by the pose of a unit in its seat.
-
-    Args:
-        target: Target whose port the unit is in.
-        state: State while it is there.
-    """
+    """Return a state corrected by the pose of a unit in its seat in the port of the target."""
     assert target.mechanism is not None, "a unit in a seat has pins"
     sigmas = np.array([_GAP_SIGMA, _PLAY_SHARE * target.mechanism.play, _YAW_SIGMA])
     X, H = pose_in_D(target.filter_layout, state)

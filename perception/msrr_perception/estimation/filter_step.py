@@ -34,11 +34,7 @@ class FilterStep:
     ) -> None:
         """Set up without a state.
 
-        Args:
-            motion: How a state moves with the wheels.
-            update: How a measurement starts and corrects a state.
-            wheels: Readings of the wheels, to which others are added.
-            reset_after: Number of measurements in a row outside the gate after which the filter starts anew.
+        The filter starts anew after ``reset_after`` measurements in a row outside the gate.
         """
         self._motion, self._update, self._wheels = motion, update, wheels
         self._reset_after = reset_after
@@ -87,10 +83,7 @@ class FilterStep:
     ) -> FilterState | None:
         """Return a state from one measurement alone; None when it does not determine one.
 
-        Args:
-            measurement: The measurement.
-            wheels_until_ns: Time until which it rests on what the wheels did [ns].
-            exposures: What became of the exposures up to this one.
+        It rests on what the wheels did until ``wheels_until_ns``, and on ``exposures`` up to this one.
         """
         stamp = measurement.exposure.stamp_ns
         wheels = self._wheels.angles_at(stamp)

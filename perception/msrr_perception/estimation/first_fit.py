@@ -56,24 +56,18 @@ class FirstFit:
     def __init__(self, target: TargetModel, sheet: DataSheet, noise: CornerNoise, inflation: float) -> None:
         """Set up for a target.
 
-        Args:
-            target: Camera, map of the tags, and tolerances.
-            sheet: What errors of corners depend on.
-            noise: Tilt of the floor, and errors of corners by which tags are said to agree.
-            inflation: Factor on the variances of corners: those of one exposure are alike.
+        ``noise`` is the tilt of the floor, and the errors of corners by which tags are said to agree. The
+        variances of corners are multiplied by ``inflation``: those of one exposure are alike.
         """
         self._target, self._layout = target, target.filter_layout
         self._sheet, self._noise, self._inflation = sheet, noise, inflation
 
     def states(self, tags: Sequence[TagDetection], known: CalibrationEstimate) -> list[StartingState]:
-        """Return first states, best first; none if the tags determine none, or do not agree.
+        """Return first states, best first, by the tags of the target in one exposure and by what is known.
 
-        Of three tags or more the one that disagrees is left out; of two that disagree neither can be trusted.
-        There are more than one where the tags allow more than one pose, as a single flat tag does.
-
-        Args:
-            tags: Tags of the target in one exposure.
-            known: What is known of drive and calibration.
+        There are none if the tags determine none, or do not agree: of three tags or more the one that
+        disagrees is left out; of two that disagree neither can be trusted. There are more than one where the
+        tags allow more than one pose, as a single flat tag does.
         """
         found = self._fit(tags, known)
         if found is not None and not found.agrees:
@@ -130,11 +124,6 @@ class FirstFit:
 
 
 def _is_good(cost: float, tags: int) -> bool:
-    """Return whether the cost of a fit is that of tags that agree.
-
-    Args:
-        cost: Squared residuals of all corners and of what is known, by their covariances.
-        tags: Number of tags.
-    """
+    """Return whether the cost of a fit to all corners of some tags, and to what is known, shows agreement."""
     # The bound is above twice the degrees of freedom because rendered corners are not quite independent.
     return cost <= 2.0 * (8 * tags - 3) + 12.0

@@ -98,11 +98,8 @@ class MeasurementHistory:
     def invalidate(self, after_ns: int | None, about_ns: int) -> bool:
         """Have what rests on the wheels after an instant, and all newer measurements, processed again.
 
-        The first one whose predecessors are forgotten stays as it is.
-
-        Args:
-            after_ns: The instant [ns]; None for all that count.
-            about_ns: Largest time after a measurement on which it may rest [ns].
+        The first one whose predecessors are forgotten stays as it is. ``after_ns`` is None for all that
+        count, and ``about_ns`` the largest time after a measurement on which it may rest.
 
         Returns:
             Whether there is such a measurement.

@@ -18,11 +18,8 @@ _UNTOLD_NS = NS_PER_S // 4
 def doubts_wheels(prior: FilterState, measurement: Measurement, rejected: int) -> bool:
     """Return whether a measurement corrects a state without what the wheels have told since the last one.
 
-    Args:
-        prior: State at the measurement, by the wheels.
-        measurement: The measurement.
-        rejected: Number of measurements, this one included, that do not agree with the wheels, since the last
-            one of which everything did.
+    ``rejected`` is the number of measurements, this one included, that do not agree with the wheels, since
+    the last one of which everything did.
     """
     if isinstance(measurement, Detections) and prior.stamp_ns - prior.last_seen_ns > _UNTOLD_NS:
         return False

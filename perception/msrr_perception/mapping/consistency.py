@@ -78,11 +78,8 @@ class Consistent:
 def adjust_consistently(bundle: Bundle, seen: Sightings) -> Consistent:
     """Return the least-squares adjustment of all sightings but those that contradict the others.
 
-    Sightings that the rest no longer connects with the most are not kept either.
-
-    Args:
-        bundle: Poses of a robust adjustment.
-        seen: The sightings.
+    It begins with the poses of a robust adjustment. Sightings that the rest no longer connects with the most
+    are not kept either.
     """
     kept = near(bundle, seen)
     contradictions = _far_off(bundle, seen, kept)

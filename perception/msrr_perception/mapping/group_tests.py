@@ -91,11 +91,7 @@ class GroupTests:
     """
 
     def __init__(self, found: Adjusted, seen: Sightings) -> None:
-        """Test all groups.
-
-        Args:
-            found: The adjustment.
-            seen: The sightings that it is of.
+        """Test all groups of the sightings that an adjustment is of.
 
         Raises:
             AdjustmentError: No group is checked by others.
@@ -118,11 +114,7 @@ class GroupTests:
         """Return those of a group, less than half, without which its others agree with the rest.
 
         They are found one after the other, each as that which takes most from the sum of squares together
-        with those before.
-
-        Args:
-            group: The group.
-            is_likely: Whether the quantile of a group is one of a group that agrees.
+        with those before. ``is_likely`` says whether the quantile of a group is one of a group that agrees.
 
         Returns:
             The test of each sighting; empty if a rest of more than half of the group does not agree.

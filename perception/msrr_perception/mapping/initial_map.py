@@ -39,10 +39,7 @@ _ROUNDS = 10
 def initial_bundle(seen: Sightings, lens: Lens, tag_size: float) -> Bundle:
     """Return poses near those that explain all sightings, which have to be connected.
 
-    Args:
-        seen: The sightings.
-        lens: Lens of all pictures.
-        tag_size: Edge of the black square of the tags [m].
+    All pictures have one lens, and the black squares of all tags one edge, ``tag_size`` [m].
     """
     guess = _Guess(seen, lens, tag_size)
     guess.grow()
@@ -63,11 +60,7 @@ def alternatives(
 ) -> Iterator[Bundle]:
     """Yield bundles in which a view or a tag has the other one of the poses that single tags allow.
 
-    Args:
-        bundle: Poses that are near a minimum, perhaps of the wrong kind.
-        seen: The sightings.
-        views: Indices of the views that are turned over, one at a time.
-        tags: Indices of the tags that are.
+    ``views`` and ``tags`` are the indices of those that are turned over, one at a time.
     """
     guess = _Guess(seen, bundle.lens, bundle.tag_size)
     for tag in tags:

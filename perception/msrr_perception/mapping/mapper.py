@@ -34,12 +34,7 @@ _ROS_ORDER = np.array([3, 4, 5, 0, 1, 2])
 
 @dataclass(frozen=True, eq=False)
 class TaggedPicture:
-    """The tags that were detected in one picture.
-
-    Attributes:
-        name: Name of the picture.
-        tags: The tags.
-    """
+    """A picture by its name, with the tags that were detected in it."""
 
     name: str
     tags: tuple[TagDetection, ...]

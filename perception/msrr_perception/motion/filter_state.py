@@ -66,11 +66,7 @@ class CalibrationEstimate:
     shared: NDArray[np.int64]
 
     def of_another_target(self, prior: CalibrationEstimate) -> CalibrationEstimate:
-        """Return what is left for a target of which nothing is known but its drawing.
-
-        Args:
-            prior: Estimate for that target from the drawing alone.
-        """
+        """Return what is left for a target of which only the drawing is known, which says ``prior``."""
         mean, covariance = prior.mean.copy(), prior.covariance.copy()
         mean[prior.shared] = self.mean[self.shared]
         covariance[np.ix_(prior.shared, prior.shared)] = self.covariance[np.ix_(self.shared, self.shared)]

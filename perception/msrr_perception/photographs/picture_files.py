@@ -121,11 +121,7 @@ def read_picture(file: Path) -> Pixels:
 
 
 def decoded_picture(content: Pixels, name: str) -> Pixels:
-    """Return the pixels of a picture whose file is in memory, as :func:`read_picture` does.
-
-    Args:
-        content: Bytes of the file, shape (N,).
-        name: Name for messages.
+    """Return the pixels of a picture from the bytes of its file, shape (N,), as :func:`read_picture` does.
 
     Raises:
         PictureError: The bytes hold no picture, or one of an impossible size.

@@ -66,9 +66,7 @@ class TagFinder:
     def __init__(self, families: Sequence[str] = ("tag36h11",), lens: Lens | None = None) -> None:
         """Create a finder.
 
-        Args:
-            families: Families of the tags, without which there is nothing to find.
-            lens: Lens without which edges are straight; None if it is not known.
+        Without families there is nothing to find; without a lens edges are taken to be straight.
 
         Raises:
             UnknownNameError: There is no such family.

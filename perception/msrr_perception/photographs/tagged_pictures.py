@@ -32,12 +32,8 @@ def tagged_pictures(
 ) -> Iterator[TaggedPicture]:
     """Yield the tags of one picture after the other; one that is there twice tells nothing the second time.
 
-    Args:
-        files: Files of pictures and films.
-        detector: Detector for that lens.
-        lens: Lens of all pictures.
-        on_repeat: Called with the name of a picture, or of a frame of a film, whose pixels are those of an
-            earlier one, and with the name of that.
+    ``on_repeat`` is called with the name of a picture, or of a frame of a film, whose pixels are those of an
+    earlier one, and with the name of that. The detector is that for the lens of all pictures.
 
     Raises:
         PictureError: A file cannot be read, or is not of the size that the lens was calibrated for.

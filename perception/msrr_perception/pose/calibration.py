@@ -242,17 +242,13 @@ def roof_layout(drawn: StateLayout, roof: Array) -> StateLayout:
 def filter_layout(drawn: StateLayout, port_tags: Sequence[int], tolerances: Tolerances) -> StateLayout:
     """Return the layout of a filter's state: pose, drive, and every error of calibration with a tolerance.
 
-    The pose is that against the marker of the port, wherever the bracket holds it on the floor's plane: this
-    no image shows, and the place of the marker comes last in the state. If images depended on it, a filter
-    would learn it nevertheless, and wrongly, because it linearises anew at every step (Julier and Uhlmann, "A
-    counter example to the theory of simultaneous localization and map building", ICRA 2001). Height and tilt
-    of the bracket and the mounts of the tags of the target port are in the state. Those of its other ports,
-    which are seen at a slant and from farther away, are considered as noise.
-
-    Args:
-        drawn: Layout of the pose alone.
-        port_tags: Ids of the tags on the marker of the target port.
-        tolerances: Tolerances of the calibration.
+    The pose, of which ``drawn`` is the layout, is that against the marker of the port, wherever the bracket
+    holds it on the floor's plane: this no image shows, and the place of the marker comes last in the state.
+    If images depended on it, a filter would learn it nevertheless, and wrongly, because it linearises anew at
+    every step (Julier and Uhlmann, "A counter example to the theory of simultaneous localization and map
+    building", ICRA 2001). Height and tilt of the bracket and the mounts of the tags of the target port are in
+    the state. Those of its other ports, which are seen at a slant and from farther away, are considered as
+    noise.
     """
     sigmas, columns, prior = tolerances.sigmas(), drawn.tags.columns.copy(), list[float]()
     first = POSE_SIZE + DRIVE_SIZE

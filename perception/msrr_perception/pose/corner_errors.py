@@ -28,7 +28,7 @@ class CornerErrors:
     """The errors of the cross sections of the edges of a tag.
 
     The constants were measured on rendered frames without noise, at tags of 27, 42 and 66 px and 0 to 2 px of
-    blur, and at 2 and 8 grey levels of noise.
+    blur, and at 2 and 8 grey levels of noise. ``edge_px`` is the length of the edges of the tag in the image.
 
     Attributes:
         noise_grey: Standard deviation of a pixel halfway between black and white [grey levels].
@@ -47,11 +47,7 @@ class CornerErrors:
         return cls(noise, spec.blur_px, contrast)
 
     def frame_px(self, edge_px: float) -> float:
-        """Return the standard deviation of a cross section that is drawn anew in every frame [px].
-
-        Args:
-            edge_px: Length of the edges of the tag in the image [px].
-        """
+        """Return the standard deviation of a cross section that is drawn anew in every frame [px]."""
         reach = reach_px(edge_px)
         gain = gain_of(blur_of(self.blur_px, edge_px / TAG_MODULES), reach)
         return frame_px(self.noise_grey, self.contrast, reach, gain)
@@ -60,19 +56,12 @@ class CornerErrors:
         """Return the standard deviation that stays the same in all frames of a tag that stands still [px].
 
         It depends on where the edges lie between the pixels, and on what lies beyond the borders of the tag.
-
-        Args:
-            edge_px: Length of the edges of the tag in the image [px].
         """
         reach = reach_px(edge_px)
         return math.hypot(sampling_px(self.blur_px, reach), border_px(self.blur_px, reach))
 
     def corner_variance(self, edge_px: float) -> float:
-        """Return the variance of each coordinate of a corner in one frame [px^2].
-
-        Args:
-            edge_px: Length of the edges of the tag in the image [px].
-        """
+        """Return the variance of each coordinate of a corner in one frame [px^2]."""
         return BY_SECTION * (self.frame_px(edge_px) ** 2 + self.lasting_px(edge_px) ** 2)
 
 

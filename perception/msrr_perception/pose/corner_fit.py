@@ -109,15 +109,8 @@ def pieces_along_yaw(
     A single flat tag seen from the front determines the yaw so poorly that the likelihood is not Gaussian: it
     is flat or has two peaks, and its curvature at the best point is far too optimistic. So it is cut into
     pieces along the yaw: priors of the yaw, each of which is narrow enough for its fit to be linear, and
-    which add up to a constant.
-
-    Args:
-        target: Camera and its mounting.
-        layout: Layout of the state.
-        seen: Measured corners.
-        solutions: Solutions that lie apart, best first.
-        prior_mean: As for :func:`fit_corners`, which found the solutions.
-        prior_information: The same.
+    which add up to a constant. ``solutions`` are those that :func:`fit_corners` found by the same prior, best
+    first.
     """
     if len(solutions) == 1 and solutions[0].covariance[YAW, YAW] < _YAW_KNOWN**2:
         return list(solutions)
@@ -151,13 +144,7 @@ def measured_corners(target: TargetModel, tags: Sequence[TagDetection]) -> Measu
 
 
 def equally_weighted(target: TargetModel, tags: Sequence[TagDetection], sigma_px: float) -> WeightedCorners:
-    """Return measured corners that are all equally good and independent, for a target that stands.
-
-    Args:
-        target: Camera and map of the tags.
-        tags: Tags of the target.
-        sigma_px: Standard deviation of each corner coordinate [px].
-    """
+    """Return corners of a target that stands, all equally good, by ``sigma_px`` [px], and independent."""
     measured = measured_corners(target, tags)
     count = len(tags)
     roots = np.tile(sigma_px * np.eye(8), (count, 1, 1))

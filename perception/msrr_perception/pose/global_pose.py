@@ -131,14 +131,8 @@ class GlobalLocalizer:
     ) -> None:
         """Create a localizer.
 
-        Args:
-            lens: Intrinsics of the overhead camera, by calibration.
-            shutter: When it exposes the rows of a frame.
-            X_WC: Pose of the camera, by calibration.
-            tags: Tag id -> the body that carries the tag, and the tag's corners on it.
-            errors: Errors of the corners.
-            strain: Standard deviation of the relative error of a length as the camera shows it, by its
-                tolerances.
+        ``tags`` are by their ids. ``strain`` is the standard deviation of the relative error of a length as
+        the camera shows it, by its tolerances.
         """
         self.camera = camera = lens.camera
         self._lens, self._shutter = lens, shutter

@@ -83,13 +83,8 @@ def joint_pose(
 ) -> JointPose | None:
     """Estimate the relative pose from the corners of every tag of the target; see :func:`joint_fits`.
 
-    Args:
-        target: Camera and map of the tags.
-        tags: Detections; those of other units are ignored.
-        noise: Assumed noise of corners and tilt.
-
-    Returns:
-        The pose, or None when no tag of the target is among ``tags`` or none gives a finite solution.
+    Tags of other units are ignored. It is None when no tag of the target is there or none gives a finite
+    solution.
     """
     known = [t for t in tags if t.tag_id in target.corners_D]
     fits = joint_fits(target, known, noise) if known else []
@@ -103,15 +98,10 @@ def joint_pose(
 
 
 def joint_fits(target: TargetModel, tags: Sequence[TagDetection], noise: CornerNoise) -> list[CornerFit]:
-    """Return the poses with tilt, best first, at which tags of the target appear as detected.
+    """Return the poses with tilt, best first, at which tags of the target, one or more, appear as detected.
 
     Both poses of the tag that is largest in the image are refined over all corners of all tags, on the flat
     floor with pitch and roll as nuisances; there are two where they end apart.
-
-    Args:
-        target: Camera and map of the tags.
-        tags: One tag of the target or more.
-        noise: Assumed noise of corners and tilt.
     """
     seen, level = equally_weighted(target, tags, noise.corner_sigma_px), _level(noise)
     fits = list[CornerFit]()

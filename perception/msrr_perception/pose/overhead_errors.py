@@ -54,11 +54,8 @@ class OverheadErrors:
     def __init__(self, camera: PinholeCamera, X_WC: SE3, told: AsBuiltSpec, height: float) -> None:
         """Take tolerances; true errors are not looked at.
 
-        Args:
-            camera: Intrinsics of the camera, by calibration.
-            X_WC: Pose of the camera, by calibration: image right along world x, image up along y.
-            told: Tolerances.
-            height: Height above the floor of the tags of units [m]; errors there are shared.
+        The pose of the camera has image right along world x, and image up along y. Errors are shared at
+        ``height``, that of the tags of units above the floor [m].
         """
         self._focal, self._foot, self._above = camera.focal, X_WC.p[:2], float(X_WC.p[2])
         self._height = height

@@ -67,11 +67,7 @@ class OverheadModel:
 
     @classmethod
     def from_scene(cls, scene: Scene, needed: Iterable[str]) -> OverheadModel:
-        """Build from calibration and data sheets; no pose of a body is read.
-
-        Args:
-            scene: The scene.
-            needed: Units that the camera has to find.
+        """Build from calibration and data sheets for a camera that has to find some units; no pose is read.
 
         Raises:
             SceneError: The scene has no overhead camera, or a unit that it has to find has no tag on top.
@@ -126,11 +122,7 @@ class OverheadModel:
         """Return how far off a unit may be seen at the border of a box, where that is worst.
 
         Errors of calibration shift a unit the more the farther it is from below the camera: the corners of
-        the box say how much.
-
-        Args:
-            unit: Name of the unit.
-            box: Where the unit may be: x low, x high, y low, y high [m].
+        the box say how much. The bounds of ``box`` are x low, x high, y low, y high [m].
 
         Returns:
             Standard deviations of its place in W along x and y [m], by the tolerances of camera and tag.
@@ -151,10 +143,7 @@ class OverheadModel:
     def square(self, middle_W: Array, half_m: float, unit: str) -> Window:
         """Return the window, in the frame or not, of a square at the height of a unit's tag.
 
-        Args:
-            middle_W: Middle of the square, shape (2,) [m].
-            half_m: Half the edge of the square [m].
-            unit: Name of the unit.
+        The square has its middle at ``middle_W``, shape (2,), and half its edge is ``half_m`` [m].
         """
         height = self.tags[self.tag_of[unit]].height
         corners = np.array([[x, y, height] for x in (-half_m, half_m) for y in (-half_m, half_m)])

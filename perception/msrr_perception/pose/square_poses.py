@@ -17,11 +17,8 @@ def square_poses(camera: PinholeCamera, corners: Array, size: float) -> list[tup
     There are two, of which one or both may be far off, and none for corners on a line.
 
     Source: Collins and Bartoli, "Infinitesimal plane-based pose estimation", IJCV 109, 2014 (IPPE).
-
-    Args:
-        camera: The ideal camera.
-        corners: Corners in its image, shape (4, 2) [px].
-        size: Edge of the black square of the tag [m].
+    ``corners`` are those in the image of the ideal camera, shape (4, 2) [px], and ``size`` is the edge of the
+    black square [m].
     """
     _, rotations, places, errors = cv2.solvePnPGeneric(
         tag_corners(size), corners, camera.matrix(), np.zeros(4), flags=cv2.SOLVEPNP_IPPE_SQUARE

@@ -139,21 +139,11 @@ class TargetModel:
 
     @classmethod
     def without_target(cls, scene: Scene, unit: str, port: str) -> TargetModel:
-        """Build the calibration of a unit that has no target: of its camera and its drive.
-
-        Args:
-            scene: The scene.
-            unit: Name of the unit.
-            port: Its active port.
-        """
+        """Build the calibration of a unit that has no target: of its camera, its drive and an active port."""
         return cls._of_unit(scene, unit, port, MappingProxyType({}), (), ())
 
     def seen_from_above(self, roof: Array) -> TargetModel:
-        """Return the calibration of the drive alone, for a pose that a camera above measures.
-
-        Args:
-            roof: Standard deviations of the place of the tag on the roof, x, y [m] and yaw [rad] in U, (3,).
-        """
+        """Return the calibration of the drive alone, for a camera above that measures poses; see ``roof``."""
         return replace(self, corners_D=MappingProxyType({}), port_tags=(), edges=(), roof=frozen(roof))
 
     @classmethod

@@ -25,11 +25,6 @@ def _noise(limits: LimitsSpec, clock_s: float) -> TrackNoise:
 
 
 @lru_cache(maxsize=256)
-def _track_after(track: BodyTrack | None, seen: SeenPose, noise: TrackNoise) -> BodyTrack:
-    """Return the track after a measurement, a new one if there was none."""
-    return track.after(seen, noise) if track else BodyTrack.at_rest(seen)
-
-
 @lru_cache(maxsize=256)
 def _pose(track: BodyTrack, stamp_ns: int, noise: TrackNoise) -> GlobalPose:
     """Return the pose of a body at an instant."""
@@ -47,10 +42,8 @@ class ArenaTracker:
     def __init__(self, model: OverheadModel, standing_period_s: float = 0.0) -> None:
         """Create a tracker that knows nothing yet.
 
-        Args:
-            model: Overhead camera and catalogue of tags.
-            standing_period_s: Period with which the pose of a body that stands is given anew [s]; 0: whenever
-                it is asked for.
+        The pose of a body that stands is given anew with period ``standing_period_s``; with 0 whenever it is
+        asked for.
         """
         self.model = model
         self.noise = _noise(model.limits, model.errors.clock_s)
@@ -86,7 +79,8 @@ class ArenaTracker:
 
     def add(self, seen: SeenPose) -> None:
         """Add a measured pose."""
-        self._tracks[seen.pose.name] = _track_after(self._tracks.get(seen.pose.name), seen, self.noise)
+        track = self._tracks.get(seen.pose.name)
+        self._tracks[seen.pose.name] = track.after(seen, self.noise) if track else BodyTrack.at_rest(seen)
 
     def knows(self, name: str) -> bool:
         """Return whether a body has been seen."""

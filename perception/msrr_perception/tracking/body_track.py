@@ -125,12 +125,7 @@ class SeenPose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenPoses:
-    """What one overhead exposure shows, read once for all who want to know.
-
-    Attributes:
-        stamp_ns: Time of the exposure.
-        poses: Measured poses of the bodies that it shows.
-    """
+    """What one overhead exposure shows, read once for all who want to know."""
 
     stamp_ns: int
     poses: tuple[SeenPose, ...]

@@ -62,14 +62,8 @@ class GlobalEstimator:
     ) -> None:
         """Create an estimator that knows nothing yet.
 
-        Args:
-            model: Overhead camera and catalogue of tags.
-            unit: Name of the unit.
-            drive: Calibration of its drive.
-            odometry: Data sheet of its encoders.
-            delay_compensation: Whether the unit's pose is moved from the last exposure up to now.
-            standing_period_s: Period with which the pose of a body that stands is given anew [s]; 0: whenever
-                it is asked for.
+        With ``delay_compensation`` the pose of the unit is moved from the last exposure up to now.
+        ``standing_period_s`` is that of :class:`~msrr_perception.tracking.arena_tracker.ArenaTracker`.
         """
         self.unit, self._model = unit, model
         self.aim(None, None)
@@ -87,9 +81,7 @@ class GlobalEstimator:
     def aim(self, target: str | None, X_TD: SE2 | None) -> None:
         """Take another target; nothing is forgotten.
 
-        Args:
-            target: Name of the unit that is docked to; None without a target.
-            X_TD: Dock frame of the target port in the frame of that unit.
+        ``X_TD`` is the dock frame of its port in the frame of that unit. Both are None without a target.
         """
         self.target, self._X_TD = target, X_TD
 
@@ -149,10 +141,8 @@ class GlobalEstimator:
     def estimate(self, now_ns: int, by_sight: PoseEstimate | None = None) -> ArenaEstimate | None:
         """Return the estimate for control; None until the unit and its target, if any, have been seen.
 
-        Args:
-            now_ns: Current time.
-            by_sight: Pose of the unit in the dock frame by its own camera, which then replaces its pose by
-                the overhead camera; None to use the overhead camera.
+        ``by_sight`` is the pose of the unit in the dock frame by its own camera, which then replaces its pose
+        by the overhead camera.
         """
         if self.target is not None and not self._others.knows(self.target):
             return None
@@ -184,11 +174,9 @@ class GlobalEstimator:
     def in_dock_frame(self, stamp_ns: int) -> PoseEstimate | None:
         """Return the pose of the unit in the dock frame of its target as the overhead camera measures it.
 
-        Errors of the camera do nearly the same to both units, which are near each other: only the difference
-        counts. What is left is mostly where the tags are held on the two roofs.
-
-        Args:
-            stamp_ns: Time of the pose; None is returned until unit and target have been seen.
+        It is None until unit and target have been seen. Errors of the camera do nearly the same to both
+        units, which are near each other: only the difference counts. What is left is mostly where the tags
+        are held on the two roofs.
         """
         above = self._own.predict(stamp_ns)
         if above is None or self.target is None or self._X_TD is None or not self._others.knows(self.target):
@@ -214,15 +202,10 @@ class GlobalEstimator:
 def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstimate) -> GlobalPose:
     """Return the pose in W of a unit that is known in the dock frame D of another unit.
 
-    X_WU = X_WT X_TD X_DU, with the covariance to first order: the target's rotation moves the unit about the
-    target's middle, and the error in D rotates with D. The two errors come from different cameras, so that
-    they are independent. What the target shares with other bodies, the unit shares then.
-
-    Args:
-        name: Name of the unit.
-        target: Pose of the other unit in W.
-        X_TD: Dock frame D in the frame of the other unit.
-        by_sight: Pose of the unit in D.
+    X_WU = X_WT X_TD X_DU, with the covariance to first order: the rotation of the other unit, the target,
+    moves the unit about the target's middle, and the error in D rotates with D. The two errors come from
+    different cameras, so that they are independent. What the target shares with other bodies, the unit shares
+    then.
     """
     X_WD = target.X_WB @ X_TD
     X_WU = X_WD @ by_sight.X_DU
@@ -239,10 +222,5 @@ def _moved_along(body: GlobalPose, X_WU: SE2) -> Array:
 
 
 def pose_in_dock_frame(arena: ArenaEstimate, X_TD: SE2) -> SE2 | None:
-    """Return the pose X_DU of the docking unit in the dock frame D of the target port.
-
-    Args:
-        arena: Estimated poses of the units in the world; None is returned if it knows of no target.
-        X_TD: Dock frame D in the frame of the target unit.
-    """
+    """Return the pose X_DU of the docking unit in the dock frame D of its target; None without a target."""
     return None if arena.target is None else (arena.target.X_WB @ X_TD).inverse() @ arena.own.X_WB

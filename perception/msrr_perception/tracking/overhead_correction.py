@@ -38,11 +38,7 @@ class OverheadCorrection:
     """
 
     def __init__(self, target: TargetModel) -> None:
-        """Begin without a correction.
-
-        Args:
-            target: Port that the unit docks to, and its mechanism.
-        """
+        """Begin without a correction, before the port of a target with its mechanism."""
         pins = target.mechanism.pin_length if target.mechanism is not None else 0.0
         self._free_m = target.front + pins + DEFAULT_NOISE.contact_zone
         self.reset()
@@ -57,12 +53,7 @@ class OverheadCorrection:
         return self._agrees and by_sight.stamp_ns >= self._due_ns and not self._is_at_port(by_sight)
 
     def update(self, by_sight: PoseEstimate, from_above: PoseEstimate) -> None:
-        """Compute the correction that leads to the weighted mean of two poses of the same instant.
-
-        Args:
-            by_sight: Pose by the onboard camera.
-            from_above: Pose by the overhead camera.
-        """
+        """Compute the correction that leads to the weighted mean of two poses of the same instant."""
         apart = deviation(from_above.X_DU.as_array(), by_sight.X_DU.as_array())
         P, R = by_sight.covariance, from_above.covariance
         of_both = np.linalg.inv(P + R)

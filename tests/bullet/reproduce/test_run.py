@@ -6,11 +6,10 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.reproduce import unicycle_studies
-from msrr_bullet.reproduce.progress import ProgressListener
 from msrr_bullet.reproduce.report.findings import requirements
 from msrr_bullet.reproduce.report.ranking import COLUMNS, default_controller_text, ranking_text
 from msrr_bullet.reproduce.run import contenders, joined, reproduce, write_all
-from msrr_bullet.run_folder import RunFolderError, locked, progress_log
+from msrr_bullet.run_folder import ProgressListener, RunFolderError, locked, progress_log
 from msrr_bullet.studies.ablations import VARIANTS
 from msrr_bullet.studies.model import Reproduction
 from msrr_bullet.studies.settings import HARD, STANDARD

@@ -20,7 +20,7 @@ from msrr_bullet.render import Instant, RenderContext, build_renderer
 from msrr_bullet.render.raster_renderer import RasterRenderer
 from msrr_bullet.sensors.image_noise import ImageNoise
 from msrr_bullet.simulation.tag_plates import load_tag_plate
-from msrr_perception.detection.detector import PupilDetector, for_lens
+from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.mapping.mapper import TaggedPicture, TagMap, map_tags
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.distortion import IDEAL_LENS, Distortion
@@ -112,7 +112,7 @@ def room() -> Iterator[Room]:
 @pytest.fixture(scope="module")
 def read() -> Read:
     """Detect the tags of a picture."""
-    detector = for_lens(PupilDetector(), LENS)
+    detector = PupilDetector().for_lens(LENS)
 
     def tagged(name: str, pixels: Pixels) -> TaggedPicture:
         return TaggedPicture(name, detector.detect(pixels, LENS.camera.frame))

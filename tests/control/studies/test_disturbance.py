@@ -20,7 +20,7 @@ def test_wheels_that_slip_lead_the_unit_astray() -> None:
         )
         for slip in (0.0, 0.05)
     )
-    assert np.nanmedian(slippery.tracking_error()) > 1.2 * np.nanmedian(firm.tracking_error())
+    assert np.nanmedian(slippery.figures()["tracking"]) > 1.2 * np.nanmedian(firm.figures()["tracking"])
 
 
 def _units(disturbance: Disturbance, trials: int = 3, dt: float = 0.02) -> DisturbedUnicycles:

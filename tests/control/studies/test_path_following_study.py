@@ -48,11 +48,13 @@ def noisy() -> PathFollowingStudyResult:
 @pytest.mark.parametrize(("name", "tracking"), [("ideal", (0.012, 0.015)), ("noisy", (0.020, 0.025))])
 def test_the_figures_of_the_long_distance_phase(name, tracking, request) -> None:
     result = request.getfixturevalue(name)
-    for figure, (median, p95) in (
-        (result.tracking_error(), tracking),
-        (result.amplitude(), (0.25, 0.27)),
-        (result.recovery_time(), (2.2, 2.5)),
+    figures = result.figures()
+    for name, (median, p95) in (
+        ("tracking", tracking),
+        ("amplitude", (0.25, 0.27)),
+        ("recovery", (2.2, 2.5)),
     ):
+        figure = figures[name]
         assert not np.isnan(figure).any()
         assert np.median(figure) <= median
         assert np.percentile(figure, 95) <= p95
@@ -67,7 +69,7 @@ def test_every_command_is_within_the_drive() -> None:
 
 
 def test_the_unit_ends_on_the_lead_in(noisy: PathFollowingStudyResult) -> None:
-    assert noisy.deviation()[-1].max() < 0.015
+    assert metrics.deviation(noisy.tip, noisy.desired)[-1].max() < 0.015
     path, _ = draw_paths(PathFollowingStartSet(), noisy.pose.shape[1], np.random.default_rng(1))
     end = path.at(path.length)
     off = np.angle(np.exp(1j * (noisy.pose[-1, :, 2] - end.heading)))
@@ -128,9 +130,9 @@ def test_the_spring_adds_a_margin(ideal: PathFollowingStudyResult) -> None:
 
 
 def test_anti_windup_lessens_the_overshoot_where_limits_bite() -> None:
-    kept = np.median(_study(limits=TIGHT, trials=100).amplitude())
+    kept = np.median(_study(limits=TIGHT, trials=100).figures()["amplitude"])
     without = np.median(
-        _study(C1PathFollowingParams(anti_windup=False), limits=TIGHT, trials=100).amplitude()
+        _study(C1PathFollowingParams(anti_windup=False), limits=TIGHT, trials=100).figures()["amplitude"]
     )
     assert kept < without
 
@@ -142,11 +144,11 @@ def test_compensating_the_delay_halves_the_steady_error() -> None:
     blind = _study(disturbance=late, starts=none, trials=50, observer=states.append)
     assert not blind.walled.any()
     assert len(states) == len(blind.time)
-    off = np.median(blind.tracking_error())
+    off = np.median(blind.figures()["tracking"])
     on = np.median(
-        _study(
-            disturbance=late.model_copy(update={"compensated": True}), starts=none, trials=50
-        ).tracking_error()
+        _study(disturbance=late.model_copy(update={"compensated": True}), starts=none, trials=50).figures()[
+            "tracking"
+        ]
     )
     assert on < 0.5 * off
 
@@ -161,8 +163,11 @@ def test_what_is_lag_is_told_from_what_is_swing(ideal: PathFollowingStudyResult)
     c1, c2 = ideal, run_path_following_study(law, NORMAL, np.random.default_rng(1), trials=60)
     for result in (c1, c2):
         # The desired point is a point of the path, so nothing is nearer to it than to the path.
-        assert np.all(result.from_path() <= result.deviation() + 1e-9)
-        assert np.all(result.amplitude_from_path() <= result.amplitude() + 1e-9)
-    assert np.median(c1.amplitude() - c1.amplitude_from_path()) < 0.002
-    assert np.median(c2.amplitude() - c2.amplitude_from_path()) > 0.08
-    assert np.median(c2.recovery_time() - c2.recovery_to_path()) > 0.3
+        off = metrics.deviation(result.tip, result.desired)
+        assert np.all(metrics.from_path(result.tip, result.path) <= off + 1e-9)
+    of_c1, of_c2 = c1.figures(), c2.figures()
+    for figures in (of_c1, of_c2):
+        assert np.all(figures["amplitude_path"] <= figures["amplitude"] + 1e-9)
+    assert np.median(of_c1["amplitude"] - of_c1["amplitude_path"]) < 0.002
+    assert np.median(of_c2["amplitude"] - of_c2["amplitude_path"]) > 0.08
+    assert np.median(of_c2["recovery"] - of_c2["recovery_path"]) > 0.3

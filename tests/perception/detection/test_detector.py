@@ -12,10 +12,9 @@ from msrr_perception.detection import native_apriltag
 from msrr_perception.detection.detector import (
     DETECTORS,
     PupilDetector,
+    adapted,
     default_search_detector,
     detectors_by_size,
-    for_large_tags,
-    for_noise,
 )
 from msrr_perception.detection.native_apriltag import (
     EDGE_TO_CENTRE_PX,
@@ -70,7 +69,7 @@ def test_a_detector_for_noise_finds_the_same_tags_with_the_same_corners(
     target: TargetModel, noise_grey: float
 ) -> None:
     frame, noise = target.camera.frame, np.random.default_rng(5)
-    plain, noisy = PupilDetector(), for_noise(PupilDetector(), noise_grey)
+    plain, noisy = PupilDetector(), PupilDetector().for_noise(noise_grey)
     found = 0
     for x in (-0.3, -0.5, -0.8):
         image = draw(SE2(x, 0.02, 0.1), frame) + noise.normal(0.0, noise_grey, (frame.height, frame.width))
@@ -84,7 +83,7 @@ def test_a_detector_for_noise_finds_the_same_tags_with_the_same_corners(
 
 def test_noise_alone_hardly_ever_has_the_contrast_that_the_search_asks_for() -> None:
     """The range of the 144 pixels of a tile and its neighbours: 115 of 20000 draws exceed it."""
-    detector = for_noise(PupilDetector(), 10.0)
+    detector = PupilDetector().for_noise(10.0)
     assert isinstance(detector, PupilDetector)
     pixels = np.random.default_rng(6).normal(0.0, 10.0, (20_000, 144))
     passed = np.count_nonzero(np.ptp(pixels, axis=1) > detector.settings.min_white_black_diff)
@@ -93,13 +92,13 @@ def test_noise_alone_hardly_ever_has_the_contrast_that_the_search_asks_for() -> 
 
 def test_a_contrast_is_kept_that_is_given_or_beyond_the_noise() -> None:
     given = PupilDetector(min_white_black_diff=10)
-    assert for_noise(given, 20.0) is given
+    assert given.for_noise(20.0) is given
     for detector in (PupilDetector(), default_search_detector()):
-        contrast = for_noise(detector, 16.0).settings.min_white_black_diff
+        contrast = detector.for_noise(16.0).settings.min_white_black_diff
         assert contrast == 112
-        assert for_large_tags(for_noise(detector, 16.0)).settings.min_white_black_diff == contrast
+        assert detector.for_noise(16.0).for_large_tags().settings.min_white_black_diff == contrast
     quiet = PupilDetector()
-    assert for_noise(quiet, 4.0) is quiet
+    assert quiet.for_noise(4.0) is quiet
 
 
 def test_a_thread_has_one_native_detector_until_it_ends(target: TargetModel) -> None:
@@ -202,7 +201,7 @@ def test_the_search_finds_tags_of_every_size_at_any_angle_in_poor_light() -> Non
 def test_large_tags_are_read_as_all_others_without_refinement_or_at_half_the_resolution() -> None:
     for plain in (PupilDetector(refine=False), PupilDetector(quad_decimate=2.0)):
         assert {detector for _, detector in detectors_by_size(plain)} == {plain}
-    assert for_large_tags(Blind(1)).detect(np.zeros((9, 9), np.uint8), Window(0, 0, 9, 9)) == ()
+    assert adapted(Blind(1), "for_large_tags").detect(np.zeros((9, 9), np.uint8), Window(0, 0, 9, 9)) == ()
 
 
 def test_an_empty_or_tiny_window_holds_nothing() -> None:

@@ -13,7 +13,7 @@ from msrr_bullet.bench.renderer_scenes import facing_units
 from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.sensors.camera import Camera
 from msrr_bullet.simulation.world import BulletWorld
-from msrr_perception.detection.detector import PupilDetector, for_blur, for_lens
+from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.distortion import COEFFICIENTS
 from msrr_scenes.geometry.pinhole import Window
@@ -63,8 +63,8 @@ def errors(
     renderer = build_renderer(spec.renderer, RenderContext(world.client, spec.samples))
     K = np.array([[417.0, 0.0, 326.0], [0.0, 413.0, 234.0], [0.0, 0.0, 1.0]])
     coefficients = np.array([told.get(key, 0.0) for key in COEFFICIENTS])
-    detector = for_blur(PupilDetector(), blur_px) if tell_blur else PupilDetector()
-    detector = for_lens(detector, spec.lens) if aware else detector
+    detector = PupilDetector().for_blur(blur_px) if tell_blur else PupilDetector()
+    detector = detector.for_lens(spec.lens) if aware else detector
     rng, X_WC, found = stream(5, "test/lens"), SE3(), []
     camera = Camera(target.camera_name, spec, renderer, lambda: X_WC, 0)
     X_WD = world.pose("b") @ scene.geometry("b").dock_frame("rear")

@@ -17,7 +17,7 @@ from msrr_bullet.bench.renderer_scenes import facing_units
 from msrr_bullet.render import RenderContext, build_renderer
 from msrr_bullet.sensors.image_noise import ImageNoise
 from msrr_bullet.simulation.world import BulletWorld
-from msrr_perception.detection.detector import PupilDetector, for_blur
+from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.pinhole import Window
@@ -92,7 +92,7 @@ def errors() -> Errors:
             for frame, view in enumerate(_views(scene, world, target, distance)):
                 for blur in BLURS_PX:
                     pixels = view.photograph(ImageNoise(21, blur, spec.noise_grey), frame)
-                    for tag in for_blur(PupilDetector(), blur).detect(pixels, view.window):
+                    for tag in PupilDetector().for_blur(blur).detect(pixels, view.window):
                         if tag.tag_id in view.exact:
                             kind = "mast" if tag.tag_id == mast else "canted"
                             exact = view.exact[tag.tag_id]

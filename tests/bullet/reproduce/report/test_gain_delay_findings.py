@@ -3,7 +3,7 @@
 from msrr_bullet.reproduce.report.gain_delay_findings import map_text
 from msrr_bullet.studies.gain_delay import C1, C1_WITHOUT, C2_WITH
 from msrr_bullet.studies.labels import C2
-from msrr_bullet.studies.model import GainDelayMap, MapCell, Reproduction
+from msrr_bullet.studies.model import GainDelayMap, MapCell
 
 
 def test_the_text_of_the_map_names_gaps() -> None:
@@ -23,7 +23,7 @@ def test_the_text_of_the_map_names_gaps() -> None:
         },
         paper_cell=(1.0, 0.0),
     )
-    (text,) = map_text(Reproduction(versions={}, seeds={}, maps=(chart,)))
+    text = map_text(chart)
     both = (
         "Both dock at k_n = 1 1/s and 50 to 250 ms; k_n = 2 1/s and 50 ms and 250 ms; k_n = 3 1/s and 50 ms."
     )
