@@ -213,6 +213,8 @@ class DockingContext:
         calibrate: Whether the unit has yet to calibrate before it docks.
         aim: Where the unit docks beside the axis.
         presses: Whether the unit presses on in its seat, as a seat switch has opened with the wheels at rest.
+        speed_share: Share of ``spec.press_mps`` at which the unit comes to the port and presses; see
+            :meth:`slow_down`.
         distrusts: Whether the seat switches were closed away from the port, or before they should: they tell
             nothing of a seat.
         closed_gap: Gap that was seen when both seat switches closed [m]; None while one of them is open.
@@ -237,6 +239,7 @@ class DockingContext:
     calibrate: bool = False
     aim: Aim = field(default_factory=Aim)
     presses: bool = False
+    speed_share: float = 1.0
     distrusts: bool = False
     closed_gap: float | None = None
     seat: PortView | None = None
@@ -252,6 +255,29 @@ class DockingContext:
     def gap(self) -> float:
         """Last known distance between the faces [m]; that of a finished retreat while it is unknown."""
         return self.last_gap if self.last_gap is not None else self.spec.retreat_m
+
+    @property
+    def press_mps(self) -> float:
+        """Speed at which the unit presses [m/s]."""
+        return self.speed_share * self.spec.press_mps
+
+    def greatest_speed(self, gap: float) -> float:
+        """Return the greatest speed [m/s] at a distance between the faces on the way to the port [m]."""
+        if self.speed_share == 1.0:
+            return math.inf
+        return self.press_mps + max(gap - self.setup.pin_reach, 0.0) / self.tuning.slowing_s
+
+    def slow_down(self) -> None:
+        """Drive more slowly at the port from now on, and not press on at once in the next seat.
+
+        The unit has slid out of the port. Friction acts against the motion over the floor, and that of wheels
+        that spin is along the wheels: they push as hard at any speed, but on a slope the unit slides to the
+        side in proportion to it. The pins still have to come all the way into the holes in the time without
+        progress that is granted.
+        """
+        least = self.setup.pin_reach / (self.spec.stall_time_s * self.spec.press_mps)
+        self.speed_share *= max(self.tuning.slower_share, min(1.0, least / self.speed_share))
+        self.presses = False
 
     def observe(self, observation: Observation) -> None:
         """Take in what is known at this instant; called once an instant."""

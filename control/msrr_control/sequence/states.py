@@ -34,6 +34,10 @@ from msrr_scenes.wording import counted
 #: no matter of sight, which goes wrong there with wheels that spin while the unit stands.
 _IN_HOLES = 0.5
 
+#: Failures of units that had their pins in the holes. On a floor that holds their wheels they would most
+#: likely have stayed there.
+_SLIPPED = {FailureReason.OFF_AXIS, FailureReason.NOT_LATCHED, FailureReason.NOT_VERIFIED}
+
 #: Clearance beyond which a body stops no unit that knows where it is [m]: units stop within a tenth of that,
 #: and no place is as uncertain that somebody has seen in the last seconds.
 _FAR_M = 0.3
@@ -105,7 +109,7 @@ def dock(c: DockingContext) -> Twist | Transition:
     limited_s = c.memory.limited.update(monitor is not None and monitor.limits, now_ns)
     if at_port:
         passed = c.observation.passed
-        c.memory.pushed += c.dt * (spec.press_mps if passed is None else passed.v)
+        c.memory.pushed += c.dt * (c.press_mps if passed is None else passed.v)
     if idle > spec.stall_time_s:
         if closed and at_port and tugs:
             # Sight may be what is wrong, and would be so in the next attempt as well; a tug test tells.
@@ -127,7 +131,7 @@ def dock(c: DockingContext) -> Twist | Transition:
         return Transition.back_out(reason, FailureReason.STALLED, reassemble=held)
     twist = c.controller.step(c.control_inputs(pose))
     if not at_port:
-        return _readable(c, twist, view.gap)
+        return _slowed(c, twist, view.gap)
     if view.gap > _IN_HOLES * c.setup.pin_reach:
         off_yaw, off_lateral = abs(view.yaw), abs(view.lateral - c.aim.lateral)
         if off_lateral > tuning.capture_share * c.setup.mouth or off_yaw > math.radians(tuning.capture_deg):
@@ -136,15 +140,21 @@ def dock(c: DockingContext) -> Twist | Transition:
     if closed and agrees and not c.presses:
         return STILL
     turn = min(max(twist.w, -tuning.press_turn_radps), tuning.press_turn_radps)
-    return Twist(spec.press_mps, turn)
+    return Twist(c.press_mps, turn)
 
 
-def _readable(c: DockingContext, twist: Twist, gap: float) -> Twist:
-    """Return a twist at which the camera reads the tags, on the same arc: the target stays in the cone."""
-    most = c.setup.readable_turn(gap)
-    if abs(twist.w) <= most:
+def _slowed(c: DockingContext, twist: Twist, gap: float) -> Twist:
+    """Return a twist on the same arc: the target stays in the cone.
+
+    At that twist the camera reads the tags, and the unit comes to the port no faster than it is to.
+    """
+    turn, speed, share = c.setup.readable_turn(gap), c.greatest_speed(gap), 1.0
+    if abs(twist.w) > turn:
+        share = turn / abs(twist.w)
+    if share * twist.v > speed:
+        share = speed / twist.v
+    if share == 1.0:
         return twist
-    share = most / abs(twist.w)
     c.memory.slowed(share, c.dt)
     return Twist(share * twist.v, share * twist.w)
 
@@ -160,13 +170,14 @@ def lock(c: DockingContext) -> Twist | Transition:
     """Close the lock, with the wheels at rest unless a seat switch opens then.
 
     With its wheels at rest a unit rolls back by the backlash of its drive on a slope, or turns a little where
-    its pins are askew. It then presses on while the lock closes, which may push its target on a slippery
-    floor.
+    its pins are askew. It then presses on slowly while the lock closes, which may push its target on a
+    slippery floor.
     """
     report, memory, tuning = c.observation.lock, c.memory, c.tuning
     if memory.switches.update(not c.observation.both_closed, c.now_ns) > tuning.debounce_s:
         if c.presses:
             return Transition.back_out("seat switches opened while the cam closed", FailureReason.NOT_LATCHED)
+        c.slow_down()
         c.presses = True
         return Transition(Phase.DOCK, "a seat switch opened with the wheels at rest: pressing on from now")
     # A report from before the command to close does not count.
@@ -178,7 +189,7 @@ def lock(c: DockingContext) -> Twist | Transition:
     longest = max(tuning.latch_s, c.setup.close_time_s + tuning.latch_margin_s)
     if memory.lasted(c.now_ns) > longest:
         return Transition.back_out(f"cam not closed in {longest:.1f} s", FailureReason.NOT_LATCHED)
-    return Twist(c.spec.press_mps, 0.0) if c.presses else STILL
+    return Twist(c.press_mps, 0.0) if c.presses else STILL
 
 
 def retreat(c: DockingContext) -> Twist | Transition:
@@ -227,6 +238,8 @@ def _after_retreat(c: DockingContext) -> Transition:
         reason = f"gave up after {counted(c.attempt, 'attempt')}: {c.belief.reason}"
         return Transition(Phase.FAILED, reason, c.belief.setback)
     c.attempt += 1
+    if c.presses or c.belief.setback in _SLIPPED:
+        c.slow_down()
     reason = f"attempt {c.attempt} from {c.gap:z.3f} m: {c.belief.reason}"
     if not c.reassemble or c.assembler is None:
         return Transition(Phase.HAND_OVER, reason)

@@ -50,6 +50,9 @@ class PhaseTuning(Spec):
         capture_deg: Largest heading error from which the funnel still centres the pins.
         press_turn_radps: Largest turn rate while pressing.
         debounce_s: Time for which both switches have to stay closed, or open, to be believed.
+        slower_share: Share of its speed at the port that a unit keeps after an attempt in which it slipped.
+        slowing_s: Time constant with which such a unit slows down to that speed on its way to the port, which
+            a drive may lag behind by half a second.
         switch_travel_m: Way of the pins from where the seat switches close to the bottom of the holes.
         near_m: Deviation from the seated gap that agrees with closed switches (verification by sight only).
         seated_gap_m: Gap that is left between the faces of a seated pair.
@@ -78,6 +81,8 @@ class PhaseTuning(Spec):
     capture_deg: Tolerance = 7.0
     press_turn_radps: NonNegative = 0.4
     debounce_s: Time = 0.1
+    slower_share: float = Field(default=0.35, gt=0.0, le=1.0)
+    slowing_s: Duration = 2.0
     switch_travel_m: Length = 0.002
     near_m: Length = 0.004
     seated_gap_m: Distance = 0.0

@@ -205,3 +205,34 @@ def test_a_unit_in_its_seat_does_not_push_its_target_over_a_slippery_floor(
     print(f"a drive that lags by {lag_ms} ms pushed its target by {pushed:.1f} mm")
     assert result.docked
     assert pushed < most_mm
+
+
+_ASSEMBLY_ON_A_SLOPE = """
+as_built: careful
+units:
+  b: {number: 1, pose: {x_m: 0.8, yaw_deg: 19}}
+  c: {number: 2}
+  d: {number: 3}
+  e: {number: 4}
+  f: {number: 5}
+  a: {number: 0, pose: {frame: c.left, x_m: -0.6}}
+assembled: [c.front-b.rear, d.front-c.rear, e.front-d.rear, f.front-e.rear]
+cameras: {overhead: {}}
+plan: [{unit: a, to: c.left}]
+time_limit_s: 60
+"""
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.nightly)])
+def test_a_unit_that_slides_down_a_slippery_slope_docks_in_the_next_attempt(
+    tmp_path: Path, seed: int
+) -> None:
+    """While all its attempts were as fast as the first one, it slid out of the port in each of them."""
+    path = tmp_path / "slope.yaml"
+    path.write_text(_ASSEMBLY_ON_A_SLOPE)
+    floor = {"friction_percent": -90, "slope_x_deg": -1.6, "slope_y_deg": -0.3}
+    overrides = {f"as_built.floor.{key}.error": str(error) for key, error in floor.items()}
+    lagging = {"as_built.drive.lag_ms.error": "350", "perception": "parametric"}
+    result = Trial(load_scene(path, {**overrides, **lagging}), seed).run()
+    assert result.outcome is Outcome.COMPLETE
+    assert len(result.steps[0].attempts) == 2

@@ -10,6 +10,7 @@ from msrr_control.docking.law import DockSetup
 from msrr_control.sequence.context import Transition
 from msrr_control.sequence.observation import GiveUp, Observation
 from msrr_control.sequence.state_machine import STATES, PhaseMachine
+from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
@@ -180,7 +181,7 @@ def test_a_unit_that_rolls_back_at_rest_presses_on_while_the_cam_closes(toy) -> 
     first_lock = next(k for k, a in enumerate(robot.log) if a.phase is Phase.LOCK)
     again = [a for a in robot.log[first_lock:] if a.phase in (Phase.DOCK, Phase.LOCK)]
     pressing = again[next(k for k, a in enumerate(again) if a.phase is Phase.DOCK) :]
-    assert all(a.twist.v == robot.spec.press_mps for a in pressing)
+    assert all(a.twist.v == PhaseTuning().slower_share * robot.spec.press_mps for a in pressing)
     assert all(a.twist == Twist() for a in robot.log if a.phase in (Phase.VERIFY, Phase.DONE))
 
 
@@ -191,6 +192,32 @@ def test_a_unit_that_is_pushed_out_of_its_seat_while_it_presses_tries_again(toy)
         if robot.step().phase is Phase.LOCK:
             robot.X_DU = SE2(robot.X_DU.x - 0.002, robot.X_DU.y, robot.X_DU.yaw)
     assert robot.machine.belief.setback is FailureReason.NOT_LATCHED
+
+
+def test_a_unit_that_slid_out_of_its_seat_comes_more_slowly_the_next_time(toy) -> None:
+    """It presses on while it comes back with the wheels at rest, and the pins pass the holes in time."""
+    robot = toy(spec=DockingSpec(attempts=4))
+    spec, facts, tuning = robot.spec, robot.facts, PhaseTuning()
+    seated, pressed, arrived = set(), {k: [] for k in range(1, 5)}, {k: [] for k in range(1, 5)}
+    while not robot.machine.finished:
+        assert robot.now_ns < 200e9
+        gap, action = robot.gap, robot.step()
+        if action.phase is Phase.DOCK and action.twist.v > 0.0:
+            at_port = gap <= facts.pin_reach + tuning.contact_m
+            (pressed if at_port else arrived)[action.attempt].append((gap, action.twist.v))
+        if action.phase is Phase.LOCK and action.attempt not in seated:
+            seated.add(action.attempt)
+            assert action.twist == Twist()  # pressing on is no cure for the next attempt
+        if action.phase is Phase.LOCK and action.attempt < 4:
+            robot.X_DU = SE2(robot.X_DU.x - 0.002, robot.X_DU.y, robot.X_DU.yaw)
+    assert robot.machine.belief.conviction is Conviction.DOCKED
+    least = facts.pin_reach / spec.stall_time_s
+    speeds = [max(v for _, v in pressed[k]) for k in range(1, 5)]
+    assert speeds == pytest.approx([spec.press_mps, least, least, least])
+    assert tuning.slower_share**2 * spec.press_mps < least < tuning.slower_share * spec.press_mps
+    for k in (2, 3, 4):
+        assert all(v <= speeds[k - 1] + gap / tuning.slowing_s for gap, v in arrived[k])
+    assert max(v for _, v in arrived[2]) > 0.09  # far from the port as fast as ever
 
 
 def test_undocking_opens_the_lock_before_it_moves(toy) -> None:

@@ -306,6 +306,16 @@ def test_it_presses_only_from_where_the_funnel_captures(
         assert desk.machine.belief.setback is FailureReason.OFF_AXIS
 
 
+def test_a_unit_that_the_port_has_turned_away_comes_more_slowly_the_next_time(desk: Desk) -> None:
+    desk.to_dock()
+    assert desk.ask(desk.at(desk.facts.pin_reach, 0.0, math.radians(10.0))).phase is Phase.RETREAT
+    while desk.machine.phase is not Phase.DOCK:
+        desk.ask(desk.at(desk.spec.retreat_m), lock=(LockPosition.OPEN, desk.now_ns + DT_NS))
+    assert desk.machine.attempt == 2
+    slow = desk.ask(desk.at(desk.facts.pin_reach)).twist.v
+    assert slow == TUNING.slower_share * desk.spec.press_mps
+
+
 @pytest.mark.parametrize("mouth", [0.0005, 0.003, 0.04])
 def test_it_presses_on_the_axis_of_mouths_of_any_width(facts: DockSetup, mouth: float) -> None:
     desk = Desk(replace(facts, mouth=mouth))
