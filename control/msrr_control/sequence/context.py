@@ -212,6 +212,7 @@ class DockingContext:
         reassemble: Whether the next attempt begins with the long-distance phase.
         calibrate: Whether the unit has yet to calibrate before it docks.
         aim: Where the unit docks beside the axis.
+        was_in_holes: Whether a seat switch has closed at the port in this attempt: a pin was at the bottom.
         presses: Whether the unit presses on in its seat, as a seat switch has opened with the wheels at rest.
         speed_share: Share of ``spec.press_mps`` at which the unit comes to the port and presses; see
             :meth:`slow_down`.
@@ -238,6 +239,7 @@ class DockingContext:
     reassemble: bool = False
     calibrate: bool = False
     aim: Aim = field(default_factory=Aim)
+    was_in_holes: bool = False
     presses: bool = False
     speed_share: float = 1.0
     distrusts: bool = False

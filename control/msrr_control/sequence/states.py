@@ -34,7 +34,7 @@ from msrr_scenes.wording import counted
 #: no matter of sight, which goes wrong there with wheels that spin while the unit stands.
 _IN_HOLES = 0.5
 
-#: Failures of units that had their pins in the holes. On a floor that holds their wheels they would most
+#: Failures by which a unit leaves its seat, or the holes. On a floor that holds its wheels it would most
 #: likely have stayed there.
 _SLIPPED = {FailureReason.OFF_AXIS, FailureReason.NOT_LATCHED, FailureReason.NOT_VERIFIED}
 
@@ -84,6 +84,7 @@ def dock(c: DockingContext) -> Twist | Transition:
     tugs = spec.verify.by_sight and spec.verify.tug_m > 0.0
     if tugs and closed and view.gap > with_doubt(c.setup.pin_reach + tuning.contact_m, view.sigma_gap):
         c.distrusts = True
+    c.was_in_holes = c.was_in_holes or (switches is not None and (switches.left or switches.right))
     if not closed:
         c.closed_gap = None
     elif c.closed_gap is None:
@@ -110,6 +111,8 @@ def dock(c: DockingContext) -> Twist | Transition:
     if at_port:
         passed = c.observation.passed
         c.memory.pushed += c.dt * (c.press_mps if passed is None else passed.v)
+    # Pins hold only a unit that the monitor let push on by more than what counts as progress.
+    pressed = at_port and c.memory.pushed > c.memory.next_progress(tuning.progress_m, way)
     if idle > spec.stall_time_s:
         if closed and at_port and tugs:
             # Sight may be what is wrong, and would be so in the next attempt as well; a tug test tells.
@@ -121,8 +124,6 @@ def dock(c: DockingContext) -> Twist | Transition:
             reason = f"held for {idle:.1f} s by the collision monitor: {monitor}, at {view}"
         else:
             reason = f"no progress for {idle:.1f} s at {view}"
-        # Pins hold only a unit that the monitor let push on by more than what counts as progress.
-        pressed = at_port and c.memory.pushed > c.memory.next_progress(tuning.progress_m, way)
         if pressed and not closed:
             # The pin that is farther in tells how the unit is turned: sight may be off by more than that.
             one_closed = switches is not None and switches.left != switches.right
@@ -135,6 +136,8 @@ def dock(c: DockingContext) -> Twist | Transition:
     if view.gap > _IN_HOLES * c.setup.pin_reach:
         off_yaw, off_lateral = abs(view.yaw), abs(view.lateral - c.aim.lateral)
         if off_lateral > tuning.capture_share * c.setup.mouth or off_yaw > math.radians(tuning.capture_deg):
+            if pressed and not c.was_in_holes:
+                c.jammed(view.yaw > 0.0)
             return Transition.back_out(f"too far off the axis at {view}", FailureReason.OFF_AXIS)
     # On a slippery floor wheels push the target along for as long as they spin.
     if closed and agrees and not c.presses:
@@ -238,8 +241,9 @@ def _after_retreat(c: DockingContext) -> Transition:
         reason = f"gave up after {counted(c.attempt, 'attempt')}: {c.belief.reason}"
         return Transition(Phase.FAILED, reason, c.belief.setback)
     c.attempt += 1
-    if c.presses or c.belief.setback in _SLIPPED:
+    if c.was_in_holes and (c.presses or c.belief.setback in _SLIPPED):
         c.slow_down()
+    c.was_in_holes = False
     reason = f"attempt {c.attempt} from {c.gap:z.3f} m: {c.belief.reason}"
     if not c.reassemble or c.assembler is None:
         return Transition(Phase.HAND_OVER, reason)

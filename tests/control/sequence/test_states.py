@@ -306,14 +306,25 @@ def test_it_presses_only_from_where_the_funnel_captures(
         assert desk.machine.belief.setback is FailureReason.OFF_AXIS
 
 
-def test_a_unit_that_the_port_has_turned_away_comes_more_slowly_the_next_time(desk: Desk) -> None:
+@pytest.mark.parametrize("at_bottom", [False, True])
+def test_a_unit_that_turns_too_far_at_the_port_was_beside_the_axis_or_slid_away(
+    desk: Desk, at_bottom: bool
+) -> None:
+    """Pins at the bottom were on the axis: it comes again more slowly; if no pin was, it comes in beside."""
     desk.to_dock()
-    assert desk.ask(desk.at(desk.facts.pin_reach, 0.0, math.radians(10.0))).phase is Phase.RETREAT
+    for _ in range(10):
+        assert desk.ask(desk.at(0.6 * desk.facts.pin_reach), closed=(at_bottom, False)).phase is Phase.DOCK
+    turned = desk.at(0.6 * desk.facts.pin_reach, 0.0, math.radians(10.0))
+    assert desk.ask(turned, closed=False).phase is Phase.RETREAT
+    assert desk.machine.belief.setback is FailureReason.OFF_AXIS
     while desk.machine.phase is not Phase.DOCK:
-        desk.ask(desk.at(desk.spec.retreat_m), lock=(LockPosition.OPEN, desk.now_ns + DT_NS))
-    assert desk.machine.attempt == 2
-    slow = desk.ask(desk.at(desk.facts.pin_reach)).twist.v
-    assert slow == TUNING.slower_share * desk.spec.press_mps
+        desk.ask(desk.at(desk.spec.retreat_m), closed=False, lock=(LockPosition.OPEN, desk.now_ns + DT_NS))
+    rim = (1.0 - TUNING.capture_share) * desk.facts.mouth
+    beside = desk.at(0.9 * desk.facts.pin_reach, 0.0 if at_bottom else rim)
+    press = desk.ask(beside, closed=False)
+    assert (press.attempt, press.phase) == (2, Phase.DOCK)
+    assert press.twist.v == desk.spec.press_mps * (TUNING.slower_share if at_bottom else 1.0)
+    assert abs(press.twist.w) < 1e-9  # there it is where it aims
 
 
 @pytest.mark.parametrize("mouth", [0.0005, 0.003, 0.04])
