@@ -67,7 +67,6 @@ class StateMemory:
 
     Attributes:
         since_ns: Time at which the phase was entered.
-        turned: Heading turned since the target was last seen, by odometry [rad].
         seen_s: Time for which the target has been seen, all in all, without a slow approach to it [s].
         crept_s: Time of the slow approach to the target since it was last seen [s].
         unseen: Timer of the target being unseen.
@@ -91,7 +90,7 @@ class StateMemory:
     def __init__(self, since_ns: int) -> None:
         """Begin a stay."""
         self.since_ns = since_ns
-        self.turned, self.seen_s, self.leg = 0.0, 0.0, 0
+        self.seen_s, self.leg = 0.0, 0
         self.crept_s = 0.0
         self.unseen, self.switches, self.arrived = HoldTimer(), HoldTimer(), HoldTimer()
         self.opened, self.looked_behind, self.limited = HoldTimer(), HoldTimer(), HoldTimer()
@@ -208,6 +207,8 @@ class DockingContext:
         belief: What the unit says about this docking step so far.
         attempt: Attempt under way, counted from 1.
         ever_seen: Whether the target was ever seen.
+        turned: Heading turned, by odometry, since the hand-over last saw the target, or since the
+            long-distance phase had the unit face it [rad].
         undocking: Whether the unit was commanded to undock.
         reassemble: Whether the next attempt begins with the long-distance phase.
         calibrate: Whether the unit has yet to calibrate before it docks.
@@ -235,6 +236,7 @@ class DockingContext:
     belief: Belief = field(default_factory=Belief)
     attempt: int = 1
     ever_seen: bool = False
+    turned: float = 0.0
     undocking: bool = False
     reassemble: bool = False
     calibrate: bool = False
@@ -287,6 +289,7 @@ class DockingContext:
         if self._previous_ns is not None and now_ns > self._previous_ns:
             self.dt = seconds(now_ns - self._previous_ns)
         self._previous_ns, self.observation = now_ns, observation
+        self.turned += self.dt * observation.twist.w
         if pose is None:
             self.view = None
             if self.last_gap is not None:
@@ -309,12 +312,18 @@ class DockingContext:
 
     def backing_out(self, pose: PoseEstimate, distance: float) -> Twist:
         """Return the command that backs the unit out to a distance between the faces [m]."""
-        v, w = retreat_twist(pose.X_DU.as_array(), distance, self.tuning.retreat, self.setup)
+        v, w = retreat_twist(self._aimed(pose).X_DU.as_array(), distance, self.tuning.retreat, self.setup)
         return Twist(float(v), float(w))
 
     def control_inputs(self, pose: PoseEstimate) -> ControlInputs:
         """Return what the controller is given at this instant."""
-        if self.aim.lateral:
-            x, y, yaw = pose.X_DU.as_array().tolist()
-            pose = replace(pose, X_DU=SE2(x, y - self.aim.lateral, yaw))
-        return ControlInputs(self.now_ns, self.dt, pose, self.observation.los, self.observation.twist)
+        return ControlInputs(
+            self.now_ns, self.dt, self._aimed(pose), self.observation.los, self.observation.twist
+        )
+
+    def _aimed(self, pose: PoseEstimate) -> PoseEstimate:
+        """Return the pose relative to where the unit docks beside the axis."""
+        if not self.aim.lateral:
+            return pose
+        x, y, yaw = pose.X_DU.as_array().tolist()
+        return replace(pose, X_DU=SE2(x, y - self.aim.lateral, yaw))

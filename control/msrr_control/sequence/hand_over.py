@@ -10,6 +10,10 @@ from msrr_control.sequence.port_view import PortView
 from msrr_control.sequence.search import scan, turn_rate
 from msrr_scenes.messages import FailureReason, Phase, Twist, seconds
 
+#: Last attempt that begins nearer than the one before it because the port has never been seen. The
+#: long-distance phase ends 0.7 m in front of it, and tags are as large as they get within view at 0.45 m.
+_NEARER_UP_TO = 3
+
 
 def _what_was_read(c: DockingContext, unseen: float) -> str:
     """Return in words what the onboard camera read during a search that gave no pose."""
@@ -23,12 +27,12 @@ def hand_over(c: DockingContext) -> Twist | Transition:
     """Wait for a certain estimate and a target inside the cone; search for a target that is not seen."""
     view, memory, tuning = c.view, c.memory, c.tuning
     max_w = min(c.setup.limits.w_max_radps, c.setup.readable_turn(c.gap))
-    memory.turned += c.dt * c.observation.twist.w
     unseen = memory.unseen.update(view is None or view.age > c.spec.lost_time_s, c.now_ns)
     if view is None or unseen >= 0.0:
-        if view is not None and unseen > tuning.search.wait_s and _may_creep_unseen(c, view):
+        middle = view.bearing if view is not None else -c.turned
+        if unseen > tuning.search.wait_s and _may_creep_unseen(c, view):
             memory.crept_s += c.dt
-            return Twist(tuning.search.creep_mps, turn_rate(view.bearing, tuning.search, max_w))
+            return Twist(tuning.search.creep_mps, turn_rate(middle, tuning.search, max_w))
         unseen -= memory.crept_s
         if unseen > c.spec.search_time_s:
             if c.ever_seen:
@@ -39,10 +43,9 @@ def hand_over(c: DockingContext) -> Twist | Transition:
             if c.assembler is None:
                 return Transition(Phase.FAILED, reason, FailureReason.NEVER_DETECTED)
             return Transition.back_out(reason, FailureReason.NEVER_DETECTED, reassemble=True)
-        middle = view.bearing if view is not None else -memory.turned
         heading, rate = scan(unseen, c.spec.search_time_s, tuning.search, max_w)
         return Twist(0.0, turn_rate(middle + heading, tuning.search, max_w, rate))
-    memory.turned = memory.crept_s = 0.0
+    c.turned = memory.crept_s = 0.0
     in_cone = view.widest_edge < c.setup.los.outer
     ready_sigma_yaw = math.radians(tuning.ready_sigma_deg)
     certain = view.sigma_lateral <= tuning.ready_sigma_m and view.sigma_yaw <= ready_sigma_yaw
@@ -61,10 +64,17 @@ def hand_over(c: DockingContext) -> Twist | Transition:
     return Twist(creep, turn_rate(view.bearing, tuning.search, max_w))
 
 
-def _may_creep_unseen(c: DockingContext, view: PortView) -> bool:
-    """Return whether the unit comes nearer to a target that it has just lost."""
+def _may_creep_unseen(c: DockingContext, view: PortView | None) -> bool:
+    """Return whether the unit comes nearer to a target that it has just lost, or did not find before.
+
+    To one that it has never seen it comes nearer by what the overhead camera shows, in its next attempts.
+    """
     search = c.tuning.search
-    return c.memory.crept_s * search.creep_mps < search.unseen_m and _has_room(c, view)
+    if c.memory.crept_s * search.creep_mps >= search.unseen_m:
+        return False
+    if view is None:
+        return c.assembler is not None and not c.ever_seen and 1 < c.attempt <= _NEARER_UP_TO
+    return _has_room(c, view)
 
 
 def _has_room(c: DockingContext, view: PortView) -> bool:

@@ -52,6 +52,7 @@ def assemble(c: DockingContext) -> Twist | Transition:
         return Transition(Phase.HAND_OVER, "assembled in front of the port")
     if isinstance(decision, GiveUp):
         return Transition(Phase.FAILED, decision.reason, decision.failure)
+    c.turned = 0.0
     return decision
 
 

@@ -376,6 +376,23 @@ def test_a_marker_that_is_never_seen_ends_with_the_attempts(toy) -> None:
     assert robot.log[-1].attempt == 2
 
 
+@pytest.mark.parametrize(("read_from_m", "attempt"), [(0.65, 2), (0.55, 3), (0.4, None)])
+def test_a_marker_that_was_not_read_is_looked_for_from_nearer(
+    toy, read_from_m: float, attempt: int | None
+) -> None:
+    """But only up to where an attempt begins again: the unit does not know where the port is."""
+    robot = toy(X_DU=SE2(-0.8, 0.0, 0.0))
+    _with(robot, _Scripted(), DockingSpec(attempts=5))
+    while not robot.machine.finished:
+        robot.blind = robot.gap > read_from_m
+        robot.step()
+    if attempt is None:
+        assert robot.machine.belief.setback is FailureReason.NEVER_DETECTED
+        assert robot.gap > robot.spec.retreat_m
+    else:
+        assert (robot.machine.phase, robot.log[-1].attempt) == (Phase.DONE, attempt)
+
+
 def test_the_table_of_states_is_whole() -> None:
     assert set(STATES) == set(Phase)
     assert all(set(state.leads_to) <= set(Phase) for state in STATES.values())
