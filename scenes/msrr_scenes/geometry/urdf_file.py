@@ -117,11 +117,7 @@ def named_file(urdf: Path, name: str) -> Path:
 
 
 def _check_names(path: Path, root: Element) -> None:
-    """Refuse a robot or a material without a name, of which PyBullet loads nothing.
-
-    Raises:
-        GeometryError: There is one.
-    """
+    """Refuse a robot or a material without a name, of which PyBullet loads nothing."""
     if root.tag == "robot" and "name" not in root.attrib:
         raise GeometryError(f'{path}: the <robot> has no name; give it one: <robot name="...">')
     holders = [("the <robot>", root.findall("material"))]
@@ -165,11 +161,7 @@ def _check_one_tree(path: Path, root: Element) -> None:
 
 
 def _check_no_circle(path: Path, root: Element) -> None:
-    """Refuse links that carry each other in a circle, which no other link carries.
-
-    Raises:
-        GeometryError: There are such links.
-    """
+    """Refuse links that carry each other in a circle, which no other link carries."""
     above = {
         child.get("link", ""): (parent.get("link", ""), joint.get("name", ""))
         for joint in root.findall("joint")
