@@ -85,14 +85,10 @@ class UnknownNameError(MsrrError):
     """A name that belongs to no registered or importable implementation."""
 
     def __init__(self, kind: str, name: str, valid: Iterable[str], hint: str = "", key: str = "") -> None:
-        """Compose the message.
+        """Compose the message about a name that was meant to be a ``kind``: ``detector``, ``scene`` ...
 
-        Args:
-            kind: What the name was meant to be: ``detector``, ``scene`` ...
-            name: The unknown name.
-            valid: The names that exist.
-            hint: A sentence about what else could be given.
-            key: Dotted key of a scene that has the name, if one has.
+        ``hint`` is a sentence about what else could be given, and ``key`` the dotted key of a scene that has
+        the name, if one has.
         """
         names = sorted(valid)
         text = f"unknown {kind} {name!r}{nearest(name, names)} Known: {', '.join(names) or 'none'}. {hint}"

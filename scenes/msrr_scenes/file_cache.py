@@ -37,11 +37,9 @@ class FileCache(Generic[T]):
     """Keeps what a function reads, under the arguments that it is called with."""
 
     def __init__(self, read: Callable[..., tuple[T, Iterable[Path]]], most: int) -> None:
-        """Begin with nothing.
+        """Begin with nothing, to keep ``most`` values at most.
 
-        Args:
-            read: Returns a value and the files that it depends on, whether these are there or not.
-            most: Largest number of values that are kept.
+        ``read`` returns a value and the files that it depends on, whether these are there or not.
         """
         self._read, self._most = read, most
         self._kept: dict[tuple[Hashable, ...], _Kept[T]] = {}

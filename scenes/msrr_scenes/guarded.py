@@ -51,13 +51,10 @@ class Guarded:
     __slots__ = ("_checks", "_inner", "_kind", "_name")
 
     def __init__(self, kind: str, name: str, inner: object, checks: Mapping[str, Check]) -> None:
-        """Guard an object.
+        """Guard an object, with the check of each member of its protocol.
 
-        Args:
-            kind: Kind of the extension point, for messages: ``detector``, ``renderer`` ...
-            name: Import path of its class, for messages.
-            inner: The object.
-            checks: Check of each member of the protocol.
+        Messages have the kind of the extension point, ``detector``, ``renderer`` ..., and the import path of
+        the class as the name.
         """
         self._kind, self._name, self._inner, self._checks = kind, name, inner, checks
 
@@ -115,11 +112,7 @@ def unguarded(built: object) -> object:
 
 
 def called_in(frame: FrameType | None) -> str | None:
-    """Return which guarded object was called in a frame or in one around it, and where; None if none was.
-
-    Args:
-        frame: The innermost frame.
-    """
+    """Return which guarded object was called in the innermost frame or around it, and where; None if none."""
     inner: list[tuple[str | None, int | None]] = []
     while frame is not None:
         if frame.f_code is Guarded._watched.__code__:

@@ -7,13 +7,7 @@ from html import escape
 
 
 def html_table(title: str, rows: Iterable[Sequence[object]], head: Sequence[str] = ()) -> str:
-    """Return a table; all texts are escaped.
-
-    Args:
-        title: Text above the table.
-        rows: Cells, row by row.
-        head: Titles of the columns; none leaves the line out.
-    """
+    """Return a table below a title, with a line of titles of columns if there are any; texts are escaped."""
     lines = "".join(f"<tr>{''.join(_cell('td', cell) for cell in row)}</tr>" for row in rows)
     line = f"<tr>{''.join(_cell('th', cell) for cell in head)}</tr>" if head else ""
     return f"<div>{escape(title)}</div><table>{line}{lines}</table>"

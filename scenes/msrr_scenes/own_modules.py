@@ -64,9 +64,7 @@ def import_own(module_name: str) -> ModuleType:
 def digest_of(module: str, *, imported: bool = False) -> bytes:
     """Return a digest of the files of a module; an empty one has no file.
 
-    Args:
-        module: Name of the module.
-        imported: Whether the files count as they were when this process imported the module, if it did.
+    If ``imported``, the files count as they were when this process imported the module, if it did.
     """
     before = _imported.get(module) if imported else None
     return _digest(tuple(_files_of(module))) if before is None else before.digest

@@ -197,11 +197,9 @@ def build(key: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fixe
 
 @contextmanager
 def naming_parameters(key: str, what: str) -> Iterator[None]:
-    """Let what is wrong with parameters of a choice begin with their keys in the scene.
+    """Let what is wrong with parameters of a choice, at a dotted key, begin with their keys in the scene.
 
-    Args:
-        key: Dotted key of the choice.
-        what: Kind and name of the implementation.
+    ``what`` is the kind and the name of the implementation.
 
     Raises:
         SceneError: In the place of a :class:`ParameterError`; a line for each parameter.
@@ -216,12 +214,9 @@ def naming_parameters(key: str, what: str) -> Iterator[None]:
 def require_in_range(
     ranges: Mapping[str, tuple[float, float]], values: Mapping[str, object], optional: Collection[str] = ()
 ) -> None:
-    """Refuse parameters that are no numbers of their ranges.
+    """Refuse parameters that are no numbers of their ranges, from the lowest to the highest value.
 
-    Args:
-        ranges: Lowest and highest value of each parameter.
-        values: The parameters, others included.
-        optional: Names of parameters that may be None.
+    ``values`` may hold other parameters as well; those named in ``optional`` may be None.
 
     Raises:
         ParameterError: One or more of them are not.

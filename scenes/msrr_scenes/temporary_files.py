@@ -24,10 +24,8 @@ class NoRoomError(MsrrError):
 def room_for(what: str, variable: str, folder: Path | None = None) -> Iterator[None]:
     """Name a folder where a block, or a function, that writes into it finds it full.
 
-    Args:
-        what: What is written, in words.
-        variable: Environment variable that names another folder.
-        folder: The folder; None for that of temporary files.
+    ``what`` is written, in words, and ``variable`` is the environment variable that names another folder. The
+    folder is that of temporary files where none is given.
 
     Raises:
         NoRoomError: It is full; the message says what helps.

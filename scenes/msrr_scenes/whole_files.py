@@ -33,11 +33,8 @@ def whole_file(file: Path, ending: str = ".part") -> Iterator[Path]:
     """Give the path to write to: that of a part, which becomes the file when the block ends without an error.
 
     After an error or an interrupt an older file of that name is as before. A link leads to the file that is
-    written, and a device or a pipe is written as it is.
-
-    Args:
-        file: The file.
-        ending: Ending of the name of the part, where what writes it asks for one.
+    written, and a device or a pipe is written as it is. ``ending`` is that of the name of the part, where
+    what writes it asks for one.
 
     Raises:
         OSError: The part cannot be put in place.

@@ -4,10 +4,5 @@ from __future__ import annotations
 
 
 def counted(count: int, what: str) -> str:
-    """Return a number of things: ``counted(1, "tag")`` is ``1 tag``, ``counted(2, "tag")`` is ``2 tags``.
-
-    Args:
-        count: How many.
-        what: Name of one of them, whose plural ends in s.
-    """
+    """Return a number of things whose plural ends in s, such as ``1 tag`` and ``2 tags``."""
     return f"{count} {what}{'' if count == 1 else 's'}"

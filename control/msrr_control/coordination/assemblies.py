@@ -28,12 +28,7 @@ _ITERATIONS = 3
 
 
 def locate(units: Mapping[str, UnitRecord], body: Body) -> None:
-    """Set the poses of all docked units, and the ends of the routes into ports.
-
-    Args:
-        units: All units, by name.
-        body: Form of the units.
-    """
+    """Set the poses of all docked units, and the ends of the routes into ports."""
     docks = {
         unit.name: unit.holder
         for unit in units.values()
@@ -109,10 +104,8 @@ def _fitted(X_WA: SE2, places: Sequence[SE2], sights: Sequence[GlobalPose]) -> S
     by the play of the ports, by Gauss-Newton. What all sights are off together, because they are of the same
     camera, stays.
 
-    Args:
-        X_WA: Where the search begins, some centimetres and degrees off at most.
-        places: Pose of each unit in the first one.
-        sights: What is seen of each.
+    The search begins at ``X_WA``, some centimetres and degrees off at most. ``places`` has the pose of each
+    unit in the first one, and ``sights`` what is seen of each.
     """
     placed = np.array([X_AU.as_array() for X_AU in places])
     seen = np.array([sight.X_WB.as_array() for sight in sights])

@@ -39,12 +39,7 @@ class Coordinator:
     """A state machine: reports and estimates in, authorities out; the same inputs give the same outputs."""
 
     def __init__(self, mission: Mission, units: Iterable[str], setup: CoordinationSetup) -> None:
-        """Begin before anything was seen or heard.
-
-        Args:
-            mission: What is to be reached.
-            units: Names of all units.
-            setup: Geometry, routes and assumed speeds.
+        """Begin before anything was seen or heard of the units, which are given by name.
 
         Raises:
             SceneError: The shape cannot be built, or the plan contradicts itself.

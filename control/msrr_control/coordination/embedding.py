@@ -35,13 +35,7 @@ _FORBIDDEN_S = 1e6
 
 
 class Embedding(NamedTuple):
-    """A place in the arena for a shape.
-
-    Attributes:
-        X_WR: Pose of the root.
-        units: Unit that is to take each place, by place.
-        score: The lower the better [s].
-    """
+    """A pose of the root of a shape, the units by their places, and a score, the lower the better [s]."""
 
     X_WR: SE2
     units: Mapping[str, str]
@@ -51,10 +45,7 @@ class Embedding(NamedTuple):
 class Travel(NamedTuple):
     """What is assumed of a unit's way for an estimate of its time.
 
-    Attributes:
-        cruise_mps: Speed [m/s].
-        turn_radps: Turn rate on the spot [rad/s].
-        ramp_s: Time to get under way and to stop [s].
+    It turns on the spot, and ``ramp_s`` is its time to get under way and to stop.
     """
 
     cruise_mps: float
@@ -90,10 +81,7 @@ def assign(costs: Array) -> tuple[list[tuple[int, int]], float]:
 def place_costs(units: Array, places: Array, travel: Travel) -> Array:
     """Return the estimated times [s] from every unit to every docked place, shape (..., units, places).
 
-    Args:
-        units: Poses of the units, shape (U, 3).
-        places: Poses of the places, shape (..., P, 3).
-        travel: Assumed speeds.
+    The poses of the units have shape (U, 3), and those of the places (..., P, 3).
     """
     before = places.copy()
     before[..., 0] -= _BEFORE_M * np.cos(places[..., 2])
@@ -104,10 +92,7 @@ def place_costs(units: Array, places: Array, travel: Travel) -> Array:
 def fits(shapes: Iterable[Shape], lanes: Lanes, box: Bounds) -> bool:
     """Return whether shapes and the lanes to them fit into an empty arena, on the grid of the root's poses.
 
-    Args:
-        shapes: Shapes that are built one from the other, with the same root.
-        lanes: Lanes of the units.
-        box: Where the axle may be and is seen: x low, x high, y low, y high [m].
+    They are built one from the other, with the same root. The axle may be and is seen in ``box``.
     """
     roots = _root_candidates(np.zeros((0, 3)), box)
     each = [_fit(_places(shape, roots, lanes), lanes, box, ()) for shape in shapes]
@@ -119,12 +104,7 @@ def grandchildren_fit(
 ) -> bool:
     """Return whether all that docks to what docks to the root of a shape fits, with the lanes to it.
 
-    Args:
-        shape: The shape.
-        X_WR: Pose of its root.
-        lanes: Lanes of the units.
-        box: Where the axle may be and is seen: x low, x high, y low, y high [m].
-        keep_out: Bodies that will not move: x, y and the radius of each [m].
+    ``box`` and ``keep_out`` are as for :func:`embedding`.
     """
     deep = [k for k, place in enumerate(shape.places) if place.parent not in (None, shape.root.name)]
     places = _places(shape, X_WR.as_array()[None], lanes)[:, [0, *deep]]
@@ -144,17 +124,10 @@ def embedding(
 ) -> Embedding | None:
     """Return the best place in the arena for a shape; None if it does not fit.
 
-    Where there is such a place, shapes that are built from this one fit there, too, with some room to spare.
-
-    Args:
-        shape: The shape, with at most as many places as there are units.
-        units: Pose of every unit that may take part.
-        lanes: Lanes of the units.
-        box: Where the axle may be and is seen: x low, x high, y low, y high [m].
-        travel: Assumed speeds.
-        named: Whether the places are named by the units that have to take them.
-        keep_out: Bodies that will not move: x, y and the radius of each [m].
-        later: Shapes that are built from this one, with the same root.
+    Where there is such a place, shapes that are built from this one ``later``, with the same root, fit there,
+    too, with some room to spare. The shape has at most as many places as there are units that may take part;
+    if it is ``named``, each is named by the unit that has to take it. The axle may be and is seen in ``box``:
+    x low, x high, y low, y high [m]. ``keep_out`` are x, y and radius of bodies that will not move [m].
     """
     names = list(units)
     poses = np.array([X.as_array() for X in units.values()])

@@ -23,12 +23,7 @@ class GoalTolerance(NamedTuple):
     yaw_rad: float = 0.05
 
     def widened(self, xy_m: float, yaw_rad: float) -> GoalTolerance:
-        """Return the tolerance for units that are seen with an error.
-
-        Args:
-            xy_m: Error of the place [m].
-            yaw_rad: Error of the heading [rad].
-        """
+        """Return the tolerance for units that are seen with these errors of place and heading."""
         return GoalTolerance(self.xy_m + xy_m, self.yaw_rad + yaw_rad)
 
     def doubled(self) -> GoalTolerance:
@@ -36,11 +31,7 @@ class GoalTolerance(NamedTuple):
         return GoalTolerance(2.0 * self.xy_m, 2.0 * self.yaw_rad)
 
     def holds(self, X_GU: SE2) -> bool:
-        """Return whether a unit is at the goal.
-
-        Args:
-            X_GU: Pose of the unit U in the frame of the goal G.
-        """
+        """Return whether a unit U is at the goal G."""
         return math.hypot(X_GU.x, X_GU.y) <= self.xy_m and abs(wrap_angle(X_GU.yaw)) <= self.yaw_rad
 
 

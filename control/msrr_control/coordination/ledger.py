@@ -224,12 +224,9 @@ class UnitRecord:
         return tuple(port for port in ports if port is not None)
 
     def authority(self, units: Iterable[UnitRecord], now_ns: int, expires_ns: int) -> Authority:
-        """Return the next authority of a unit that has a track.
+        """Return the next authority of a unit that has a track, sent at ``now_ns``.
 
-        Args:
-            units: All units, of whose docks and intents it tells.
-            now_ns: Time at which it is sent.
-            expires_ns: Time at which it ends unless it is renewed.
+        It tells of the docks and intents of all units, and ends at ``expires_ns`` unless it is renewed.
         """
         assert self.track is not None
         self.seq += 1

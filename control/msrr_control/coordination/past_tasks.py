@@ -36,12 +36,8 @@ class PastTasks:
     ) -> None:
         """Note which hops of a list are not made because other hops take their place.
 
-        Args:
-            tasks: The list.
-            hopping: Units that hop otherwise.
-            out: Units that count as missing in their places.
-            whole: Whether all places are taken after that.
-            why: Says why nobody can do an open task.
+        The units in ``hopping`` hop otherwise, and those in ``out`` count as missing in their places.
+        ``whole`` is whether all places are taken after that, and ``why`` says why nobody can do an open task.
         """
         undone = dict(self.undone)
         for name in tasks.names(TaskState.OPEN, TaskState.GIVEN_UP):

@@ -32,13 +32,8 @@ class Recall:
         """Recall a unit that has been held for long, or that drives in vain.
 
         One that was held and makes progress after all may go on. One in its dock leg stops only when its
-        attempt has failed, and it has backed off.
-
-        Args:
-            unit: The unit.
-            now_ns: Time [ns].
-            in_vain: Whether an obstacle stands in the lane of the port that the unit drives to, or the port
-                is not to be where its route ends.
+        attempt has failed, and it has backed off. A unit drives in vain if an obstacle stands in the lane of
+        the port that it drives to, or the port is not to be where its route ends.
 
         Returns:
             Whether it stands and its authority has expired.

@@ -75,12 +75,8 @@ class RouteGrants:
     ) -> bool:
         """Return whether a unit would reach the end of a task if another one was gone.
 
-        Args:
-            unit: The unit.
-            task: The task.
-            tasks: All tasks.
-            gone: The other one; None for all others that can drive away.
-            X_WU: Where the unit sets out in the open; None for where it stands.
+        ``gone`` is the other one, None for all others that can drive away; ``X_WU`` is where the unit sets
+        out in the open, None for where it stands.
         """
         X_WE, enters = self._ends.pose_of(task, tasks), self._ends.port_of(task)
         if X_WE is None or unit.X_WU is None:

@@ -47,15 +47,9 @@ class CoordinationSetup:
     ) -> CoordinationSetup:
         """Return what follows from the units' geometry and the parameters of their routes.
 
-        Args:
-            geometry: Geometry of the units, which are all alike.
-            params: Parameters of the routes.
-            box: Where the axle may be and is seen: x low, x high, y low, y high [m].
-            retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
-            border: What ``box`` is, in words.
-            distance_error: What two units that are beside each other may be nearer than they seem [m].
-            tolerance: How near the end of a move a unit has to be seen.
-            inner: Bounds inside of ``box`` that routes and shapes do not leave if there is a way.
+        All units are alike. Two that are beside each other may be nearer than they seem by
+        ``distance_error`` [m]. ``box``, ``border`` and ``inner`` are as for
+        :class:`~msrr_control.tracks.route_finder.RouteFinder`, and the rest are attributes.
         """
         body = Body.of(geometry, distance_error)
         params = params.with_room(body.extra_gap)

@@ -62,11 +62,7 @@ class Siting:
     def choose(
         self, units: Iterable[UnitRecord], obstacles: tuple[ObstacleEstimate, ...]
     ) -> tuple[list[Task], dict[str, str]]:
-        """Choose by what is there now.
-
-        Args:
-            units: All units as they stand.
-            obstacles: Obstacles.
+        """Choose by what is there now: all units as they stand, and obstacles.
 
         Returns:
             All tasks, also those for which there is no unit; and a unit for every place that can be taken.
@@ -120,10 +116,7 @@ class Siting:
         """Choose other hops by what is there now: from where all stand, by those that can move.
 
         Units that stand free beside the assembly take the places for which it has too few, the nearest first.
-
-        Args:
-            units: All units as they stand; none is under way.
-            obstacles: Obstacles.
+        No unit is under way.
 
         Returns:
             The tasks that are left, and whether they lead to the whole shape; None if what the choice rests
@@ -197,12 +190,7 @@ def check_shapes(mission: Mission, lanes: Lanes) -> None:
 
 
 class _Basis(NamedTuple):
-    """What the choice of hops rests on, apart from where the units are.
-
-    Attributes:
-        out: Units that are out of action.
-        obstacles: Obstacles that are known, by their names.
-    """
+    """What the choice of hops rests on, apart from where units are: those out of action, known obstacles."""
 
     out: frozenset[str]
     obstacles: Mapping[str, SE2]

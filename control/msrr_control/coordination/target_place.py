@@ -26,14 +26,8 @@ def place_of_target(
 ) -> SE2 | None:
     """Return where the target of some tasks has to stand; None if that is where it is, or nowhere.
 
-    Where others are to drive by the plan is left free for them if there is such a place.
-
-    Args:
-        target: Unit that carries nobody.
-        tasks: Tasks that are open.
-        units: All units.
-        setup: Lanes of the units, and the arena.
-        obstacles: Obstacles that have been seen.
+    Where others are to drive by the plan is left free for them if there is such a place. The target carries
+    nobody, the tasks are open, and the obstacles have been seen.
     """
     shape = _tree(target.name, tasks)
     there = {place.name: units[place.name] for place in shape.places}

@@ -16,11 +16,7 @@ from msrr_scenes.messages.coordination import UnitState
 
 
 class TaskEnds:
-    """Reads the ends of tasks from the ledger, which changes while units drive.
-
-    Attributes:
-        obstacles: The obstacles that are seen.
-    """
+    """Reads the ends of tasks from the ledger, which changes while units drive, and from seen obstacles."""
 
     def __init__(self, setup: CoordinationSetup, units: Mapping[str, UnitRecord]) -> None:
         """Bind to the lanes and to the ledger."""
@@ -94,10 +90,8 @@ class TaskEnds:
     def hindrance(self, unit: UnitRecord, X_WE: SE2 | None, enters: tuple[str, str] | None) -> str | None:
         """Return what keeps a unit from a route before one is looked for, in words; None if nothing does.
 
-        Args:
-            unit: The unit.
-            X_WE: Where it is to end; None where it only leaves a port.
-            enters: Unit and port at which it is to end; None in the open.
+        ``X_WE``, where the unit is to end, is None where it only leaves a port, and ``enters``, the unit and
+        port at which it is to end, is None in the open.
         """
         if unit.out_of_action:
             return f"{'is lost' if unit.state is UnitState.LOST else 'has failed'}: {unit.reason}"

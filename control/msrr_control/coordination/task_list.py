@@ -73,10 +73,7 @@ class TaskList:
     def give_up(self, name: str, reason: str, hopeless: bool = False) -> None:
         """Give up an open task, and all that depend on it.
 
-        Args:
-            name: The task.
-            reason: Why.
-            hopeless: Whether it is given up because nobody can do it now, and not for good.
+        It is ``hopeless`` if nobody can do it now; then it is not given up for good.
         """
         if self._states[name] is not TaskState.OPEN:
             return

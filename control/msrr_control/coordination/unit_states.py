@@ -13,11 +13,9 @@ from msrr_scenes.messages.coordination import UnitMode, UnitState
 
 
 class Changes(NamedTuple):
-    """What has changed since the last step.
+    """Whether any unit counts as something else since the last step.
 
-    Attributes:
-        any: Whether any unit counts as something else now.
-        missed: Number of units that did not end where they should, so that routes are planned anew.
+    ``missed`` is the number of units that did not end where they should, so that routes are planned anew.
     """
 
     any: bool

@@ -25,17 +25,10 @@ def waiting_places(
     units: Iterable[UnitRecord],
     obstacles: Iterable[ObstacleEstimate],
 ) -> Array:
-    """Return the points of a grid that are far enough from whatever is in use.
+    """Return the points of a grid, shape (N, 2) [m], that are far enough from whatever is in use.
 
-    Args:
-        lanes: Lanes of the units.
-        box: Where units may be and are seen: x low, x high, y low, y high [m].
-        docked: Poses of the axle at the ends of the open tasks, whose lanes stay free.
-        units: The units that have been seen, that which looks for a place among them.
-        obstacles: Obstacles that have been seen.
-
-    Returns:
-        Points, shape (N, 2) [m].
+    The lanes of the poses ``docked``, at the ends of the open tasks, stay free. Units and obstacles have been
+    seen, and the unit that looks for a place is one of them. Units may be and are seen in ``box``.
     """
     x0, x1, y0, y1 = box
     edge = lanes.spec.border_m + lanes.body.offset

@@ -159,11 +159,7 @@ class WayMaker:
     def _evade(self, unit: UnitRecord, tasks: TaskList, now_ns: int, task: Task | None = None) -> bool:
         """Send a unit to a waiting place; return whether it goes.
 
-        Args:
-            unit: The unit.
-            tasks: All tasks.
-            now_ns: Time [ns].
-            task: What the unit has to reach from there, if others drive away; None for nothing.
+        From there it has to reach the end of ``task``, if there is one, once others drive away.
         """
         assigned = self._assigner.assignment(tasks)
         open_poses = [

@@ -46,11 +46,8 @@ class Lanes:
     ) -> str | None:
         """Return the obstacle in the dock leg of the docked pose ``X_WU``; None if there is none.
 
-        Args:
-            X_WU: Pose of the axle when the unit is docked.
-            obstacles: Obstacles.
-            roomy: Whether those count as well that are in the rest of the lane, or as near to it as routes
-                come to other units.
+        If ``roomy``, those count as well that are in the rest of the lane, or as near to it as routes come to
+        other units.
         """
         X_WD = X_WU @ SE2(self.body.offset, 0.0, 0.0)
         length, gap = (self.length, self.spec.unit_margin_m) if roomy else (self.spec.handover_m, LANE_GAP_M)

@@ -73,10 +73,8 @@ def check_names(units: Sequence[str], named: Sequence[str]) -> None:
 def hops_between(start: Mapping[Ports, str], goal: Mapping[Ports, str], *rules: HopRules) -> list[Hop]:
     """Return the hops from one form to another: the fewest, or, where that search would take long, few.
 
-    Args:
-        start: Places that are taken, with the name of the unit, or an empty one where any unit will do.
-        goal: The same at the end, for all units or for some of them.
-        rules: Which hops can be made; where those by the first rules lead nowhere, those by the next ones.
+    Places have the name of the unit, or an empty one where any unit will do; ``goal`` is for all units or for
+    some of them. Where the hops by the first rules lead nowhere, those by the next ones are made.
 
     Returns:
         The hops, in an order in which they can be made one after another.
@@ -182,18 +180,12 @@ def tasks_from(
 ) -> tuple[list[Task], bool]:
     """Return the tasks that lead from the places of all units to a shape, or to as much of it as is left.
 
-    Args:
-        places: Place of each unit, by its name, the root's included. Of those that stand free the first ones
-            are taken where there are more than places for them.
-        shape: The shape.
-        lanes: Lanes of the units.
-        X_WR: Pose of the root.
-        box: Where the axle may be and is seen: x low, x high, y low, y high [m].
-        named: Whether the places of the shape are named by the units that have to take them.
-        obstacles: Obstacles that are known.
-        out: Poses of those units that are out of action, by name; they stay in their places.
-        past: Whether hops may lead past an obstacle farther before a port than a unit has to drive straight,
-            where there are no others. It may leave a way there, or none.
+    ``places`` has the place of each unit, by its name, the root's included. Of those that stand free the
+    first ones are taken where there are more than places for them. Those in ``out``, with their poses, are
+    out of action and stay in their places. The places of the shape may be ``named`` by the units that have to
+    take them, and ``box`` is as for :class:`~msrr_control.shapes.hop_rules.HopRules`. If ``past``, hops may
+    lead past an obstacle farther before a port than a unit has to drive straight, where there are no others.
+    It may leave a way there, or none.
 
     Returns:
         The tasks, and whether they lead to the whole shape, without a unit beside it that is locked to it.

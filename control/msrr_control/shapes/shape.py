@@ -18,13 +18,7 @@ LEAST_GAP_M = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A place of a shape.
-
-    Attributes:
-        name: Name of the place.
-        parent: Name of the place that this one docks to; None for the root.
-        port: Passive port of the parent; empty for the root.
-    """
+    """A place of a shape, and the passive port of its parent that it docks to; the root has neither."""
 
     name: str
     parent: str | None = None
@@ -33,11 +27,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Shape:
-    """A tree of places; every unit but the root's docks with its active front port.
-
-    Attributes:
-        places: The places, each after its parent; the first is the root.
-    """
+    """A tree of places, each after its parent, the root first; others dock with their active front port."""
 
     places: tuple[Place, ...]
 

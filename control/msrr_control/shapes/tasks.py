@@ -69,13 +69,8 @@ class Task:
 def shape_tasks(shape: Shape, lanes: Lanes, named: bool = False, X_WR: SE2 | None = None) -> list[Task]:
     """Return the tasks that build a shape, in an order in which they can be granted.
 
-    Parents come before their children, and a unit before those that would stand in its lane.
-
-    Args:
-        shape: The shape.
-        lanes: Lanes of the units.
-        named: Whether places are named by the units that have to take them.
-        X_WR: Pose of the root; None where it is not chosen yet.
+    Parents come before their children, and a unit before those that would stand in its lane. The places may
+    be ``named`` by the units that have to take them. The pose of the root is None until it is chosen.
 
     Raises:
         SceneError: The shape cannot be built; the message says why.
@@ -119,12 +114,9 @@ def plan_tasks(
     docks to or after it is granted behind that step. As far as all this leaves the order open, a step is
     granted before those whose units would stand in the lane of its port.
 
-    Args:
-        steps: Steps of the plan.
-        holders: Port ``<unit>.<port>`` that each unit is locked to at the start.
-        lanes: Lanes of the units.
-        there: Pose of every unit that has been seen; None before that. Without them only units that are
-            locked to each other by then, or that drive to a pose that the plan names, are compared.
+    ``holders`` has the port ``<unit>.<port>`` that each unit is locked to at the start, and ``there`` the
+    pose of every unit that has been seen. Without poses only units that are locked to each other by then, or
+    that drive to a pose that the plan names, are compared.
 
     Raises:
         SceneError: A step comes after one that does not exist, two steps have one name, a ring of steps

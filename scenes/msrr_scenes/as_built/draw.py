@@ -53,11 +53,7 @@ class _Draw:
     def error(self, group: Spec, quantity: str, part: str, again: int = 0) -> float:
         """Return the error of a quantity of a part, in its unit: as given, or drawn; 0 if it has none.
 
-        Args:
-            group: Group of deviations.
-            quantity: Name of the quantity in the group.
-            part: Name of the part, which begins the name of the error.
-            again: Number of draws that could not be built.
+        Its name begins with that of the part; ``again`` is the number of draws that could not be built.
         """
         deviation, name = getattr(group, quantity), f"{part}/{quantity}"
         if deviation.error is None and deviation.sigma == 0.0:
@@ -89,13 +85,9 @@ class _Draw:
 
 
 def draw_as_built(scene: Scene, seed: int) -> AsBuilt:
-    """Draw what was built in a trial.
+    """Draw what was built in the trial of a checked scene that has this seed.
 
     Quantities that the plant of the scene does not have, such as the floor of a unicycle, stay as designed.
-
-    Args:
-        scene: A checked scene.
-        seed: Seed of the trial.
     """
     draw = _Draw(seed)
     spec, overhead = scene.as_built, scene.cameras.overhead

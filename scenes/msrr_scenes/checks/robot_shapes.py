@@ -42,9 +42,8 @@ _LIMITED = {"revolute": "continuous", "prismatic": "fixed"}
 def shape_problems(geometry: UnitGeometry, arena_m: float) -> tuple[str, ...]:
     """Return what is wrong with the shapes of a unit, in words that name the link.
 
-    Args:
-        geometry: The unit, whose collision shapes can be read.
-        arena_m: Distance between opposite corners of the arena [m]; no larger robot can be in it.
+    The shapes can be read. No robot larger than ``arena_m``, the distance between opposite corners of the
+    arena, can be in it.
     """
     return tuple(_problems(geometry, arena_m))
 

@@ -17,11 +17,9 @@ _PLATE_M, _PLATE_RATIO = 0.002, 1.25
 
 
 def with_camera(urdf: Path, X_UC: SE3) -> str:
-    """Return a URDF whose camera is mounted elsewhere; the rest of it stays as designed.
+    """Return the URDF of a unit with its camera mounted elsewhere; the rest of it stays as designed.
 
-    Args:
-        urdf: URDF of a unit.
-        X_UC: Pose of the camera's link in U: x along the optical axis, z up in the image.
+    C is the frame of the camera's link: x along the optical axis, z up in the image.
 
     Raises:
         GeometryError: The file is no URDF of a unit.
@@ -38,10 +36,8 @@ def with_camera(urdf: Path, X_UC: SE3) -> str:
 def fixture_urdf(port: str, X_DT: Mapping[int, SE3], size: float) -> str:
     """Return the URDF of a fixture: a body that carries the tags of one port and does not drive.
 
-    Args:
-        port: Name of the port.
-        X_DT: Pose of every tag in the dock frame D of the port, by id. The frame U of the fixture is D.
-        size: Edge of the black square of the tags [m].
+    ``X_DT`` has the pose of every tag by id, and ``size`` is the edge of the black square of the tags [m].
+    The frame U of the fixture is the dock frame D of the port.
     """
     root = Element("robot", name="fixture", kind=FIXTURE)
     SubElement(root, "link", name="axle")

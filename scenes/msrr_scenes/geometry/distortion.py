@@ -159,13 +159,8 @@ def _folded_nodes(
 ) -> NDArray[np.bool_]:
     """Return beside which nodes of a grid of pixels the lens folds the image, shape (rows, columns).
 
-    Two points of the scene appear at one pixel there, or a pixel shows none.
-
-    Args:
-        camera: Intrinsics.
-        distortion: Distortion of the lens.
-        columns: Increasing columns of the nodes, shape (C,) [px].
-        rows: Increasing rows of the nodes, shape (R,) [px].
+    Two points of the scene appear at one pixel there, or a pixel shows none. Columns, shape (C,), and rows,
+    shape (R,), of the nodes increase [px].
     """
     nodes = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
     grid: Array = distortion.ideal_pixels(camera, nodes).reshape(len(rows), len(columns), 2)

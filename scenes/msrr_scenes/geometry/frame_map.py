@@ -56,11 +56,7 @@ FrameMap = tuple[MappedFrame, ...]
 
 
 class FrameMapError(GeometryError):
-    """A frame map that does not fit its URDF.
-
-    Attributes:
-        frame: Name of the frame at fault.
-    """
+    """A frame map that does not fit its URDF; ``frame`` is the name of the frame at fault."""
 
     def __init__(self, frame: str, text: str) -> None:
         """Compose the message, which begins with the name of the frame."""
@@ -71,10 +67,7 @@ class FrameMapError(GeometryError):
 def apply_frame_map(path: Path, root: Element, frames: FrameMap) -> None:
     """Give links of a URDF the names of this project, in place: rename bodies, add all other frames as links.
 
-    Args:
-        path: The file, for messages.
-        root: Root of the URDF.
-        frames: Frames, in an order in which a frame follows those that it refers to.
+    In the map a frame follows those that it refers to. The file is named in messages.
 
     Raises:
         FrameMapError: A frame is not one of a unit, or its link is not in the URDF.

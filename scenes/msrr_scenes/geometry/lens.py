@@ -24,13 +24,9 @@ _AHEAD_M = 1e-6
 class Lens:
     """A camera with its lens, and the ideal camera in whose image perception computes.
 
-    The ideal camera has no distortion and square pixels; its focal length is fx and its principal point that
-    of the camera. Its image is larger or smaller than the frame, and parts of it have negative pixels. What
-    the lens shows of a point of the ideal image counts only where :meth:`shows` holds.
-
-    Attributes:
-        camera: The ideal camera.
-        distortion: What the lens does to the image of the ideal camera.
+    The ideal camera, ``camera``, has no distortion and square pixels; its focal length is fx and its
+    principal point that of the camera. Its image is larger or smaller than the frame, and parts of it have
+    negative pixels. What the lens shows of a point of the ideal image counts only where :meth:`shows` holds.
     """
 
     camera: PinholeCamera
@@ -59,12 +55,7 @@ class Lens:
         return self.distortion.jacobian(self.camera.rays(ideal)[:, :2])
 
     def distorted_sigma(self, ideal: Array, sigma: Array) -> Array:
-        """Return standard deviations in the frame, shape (..., 2) [px], of points of the ideal image.
-
-        Args:
-            ideal: The points, shape (..., 2) [px].
-            sigma: Standard deviation of each of their coordinates, shape (..., 2) [px].
-        """
+        """Return in the frame the standard deviations of points of the ideal image, all (..., 2) [px]."""
         if not self.distorts:
             return sigma
         J = self.slopes(ideal.reshape(-1, 2))
@@ -72,12 +63,7 @@ class Lens:
         return np.asarray(np.sqrt(variance))
 
     def shows(self, ideal: Array, margin: float = 0.0) -> NDArray[np.bool_]:
-        """Return which points of the ideal image, shape (..., 2), the frame shows.
-
-        Args:
-            ideal: The points [px].
-            margin: Least distance from the border of the frame [px].
-        """
+        """Return which points of the ideal image (..., 2) the frame shows, ``margin`` [px] or more inside."""
         if not self.distorts:
             return self.camera.contains(ideal, margin)
         # Beyond where the polynomial folds the image, it leads back into the frame.

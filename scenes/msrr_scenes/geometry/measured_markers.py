@@ -18,9 +18,7 @@ def with_markers(
 ) -> UnitGeometry:
     """Return a geometry with measured markers in the place of those that its URDF draws.
 
-    Args:
-        drawn: The geometry as its URDF gives it.
-        markers: The link that anchors the map of each marker, with the tags of that map.
+    ``markers`` has for each of them the link that anchors its map, and the tags of that map.
     """
     frames = dict[str, SE3]()
     for anchor, tags in markers:

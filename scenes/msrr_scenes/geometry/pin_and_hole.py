@@ -50,16 +50,10 @@ class PinAndHole:
 
     @classmethod
     def of(cls, unit: UnitGeometry, port: str, target: UnitGeometry, target_port: str) -> PinAndHole:
-        """Measure a pair of ports.
+        """Measure the active port of a unit with pins, and the passive port of a target with holes.
 
         A port without drawn holes is taken to tolerate what the shipped one does. A mouth or a play that is
         not above 0 means pins that do not fit.
-
-        Args:
-            unit: The unit with the pins.
-            port: Its active port.
-            target: The unit with the holes.
-            target_port: Its passive port.
 
         Raises:
             GeometryError: The unit has no pins.
@@ -107,13 +101,8 @@ def _fit(pin: list[Array], walls: list[Array], middle: float, length: float) -> 
 
     Both are infinite if the hole has no walls, or if the pin does not stand out of the face.
     All widths change linearly between the corners of the sections, so that the narrowest place is at the
-    depth of a corner.
-
-    Args:
-        pin: Sections of the parts of the pin in P, each of shape (N, 2) [m].
-        walls: Sections of the walls in D, each of shape (N, 2) [m].
-        middle: Middle of the hole, along y of D [m].
-        length: Length of the pin [m].
+    depth of a corner. Sections of the parts of the pin are in P, those of the walls in D, each of shape
+    (N, 2), and the middle of the hole is along y of D [m].
     """
     corners = set(np.concatenate([*pin, *walls])[:, 0].tolist())
     depths = np.array([0.0, *sorted(x for x in corners if 0.0 < x < length), length])
@@ -133,9 +122,8 @@ def _fit(pin: list[Array], walls: list[Array], middle: float, length: float) -> 
 def _extent(section: Array, depths: Array) -> tuple[Array, Array]:
     """Return the lowest and the highest y of a convex section at each depth [m], NaN where it does not reach.
 
-    Args:
-        section: Corners of the section, counter-clockwise, shape (N, 2) [m]; two if it is a line.
-        depths: Values of x, shape (K,) [m].
+    Corners of the section are counter-clockwise, shape (N, 2), two if it is a line; depths, shape (K,), are
+    along x.
     """
     first, last = section[:, 0].min(), section[:, 0].max()
     inside = (depths >= first - _FLUSH_M) & (depths <= last + _FLUSH_M)
@@ -155,12 +143,7 @@ def _sections(
 ) -> list[Array]:
     """Return the sections at a height of those shapes of some links that lie within a depth behind a face.
 
-    Args:
-        unit: The unit.
-        links: Links of the shapes.
-        X_FU: Pose of the unit in the frame F of the port, x along the depth.
-        height: Height above the ground [m].
-        depth: Largest depth [m].
+    F is the frame of the port, with x along the depth; height is above the ground [m].
 
     Returns:
         For each shape the corners of its section in F, counter-clockwise, shape (N, 2) [m]; two of one that
@@ -176,11 +159,9 @@ def _sections(
 
 
 def _section(points: Array, height: float) -> Array:
-    """Return points whose convex hull is the section of the convex hull of ``points`` at a height.
+    """Return points whose convex hull is the section of that of ``points``, shape (N, 3), at a height [m].
 
-    Args:
-        points: Points, shape (N, 3) [m].
-        height: Height, at which there is one [m].
+    There is a section at that height.
     """
     if len(points) > _MANY_POINTS:
         # Its import takes longer than all that is computed here.

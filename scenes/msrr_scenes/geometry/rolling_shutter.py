@@ -25,8 +25,7 @@ class RollingShutter:
     def after_stamp(self, rows: Array) -> Array:
         """Return the time from the stamp of a frame to the middle of the exposure of rows [s], as ``rows``.
 
-        Args:
-            rows: Rows of the frame, any shape [px]; fractions and rows beyond the frame are in order.
+        They may have any shape [px]; fractions and rows beyond the frame are in order.
         """
         after: Array = ((rows + 0.5) / self.height - 0.5) * self.readout_s
         return after

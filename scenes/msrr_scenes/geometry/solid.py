@@ -94,11 +94,6 @@ def read_solids(link: str, X_UL: SE3, collision: Element) -> list[Solid]:
 def read_solid(link: str, X_UL: SE3, collision: Element) -> Solid:
     """Return the shape of a ``<collision>`` of a URDF whose file names are absolute.
 
-    Args:
-        link: Link that carries the shape.
-        X_UL: Pose of the link in U.
-        collision: The element.
-
     Raises:
         GeometryError: There is no shape, none that can be used, or its origin is malformed.
     """
@@ -161,12 +156,9 @@ def convex_hull(points: Array) -> Array:
 
 
 def hull_or_line(points: Array) -> Array:
-    """Return the convex hull as :func:`convex_hull` does, or the two ends if all points are on one line.
+    """Return the hull of two points or more as :func:`convex_hull` does, or the two ends of points on a line.
 
     Andrew's monotone chain. To import SciPy's hull takes longer than all that a check of a scene computes.
-
-    Args:
-        points: Two points or more, shape (N, 2) [m].
     """
     points = _without_inner(points) if len(points) >= _MANY else points
     rightwards = points[np.lexsort((-points[:, 1], points[:, 0]))].tolist()

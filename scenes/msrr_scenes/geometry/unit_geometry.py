@@ -60,12 +60,10 @@ def library_folder() -> Path:
 
 
 def find_urdf(name: str, beside: Path | None = None) -> Path:
-    """Return the path of a URDF file.
+    """Return the path of a URDF file of this name.
 
-    Args:
-        name: File name.
-        beside: Folder of the scene file, searched before the working folder and the shipped URDFs. A shipped
-            scene means the shipped robots, whatever lies in the working folder.
+    The folder of the scene file, ``beside``, is searched before the working folder and the shipped URDFs. A
+    shipped scene means the shipped robots, whatever lies in the working folder.
 
     Raises:
         SceneError: None of these folders holds the file.
@@ -239,10 +237,6 @@ def marker_links(port: str) -> list[str]:
 
 def read_unit(path: Path, frame_map: FrameMap = ()) -> UnitGeometry:
     """Read a unit's URDF; while its files stay as they are, every call returns the same object.
-
-    Args:
-        path: The file.
-        frame_map: Frames by links of the URDF that have other names than those of this project.
 
     Raises:
         GeometryError: The file is missing, is not a tree of links, or lacks a frame that every unit needs.

@@ -26,12 +26,7 @@ _ALONG = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class WheelJoint:
-    """The joint of a wheel as the URDF has it.
-
-    Attributes:
-        name: Its name.
-        forward: 1.0 if a positive angle turns the wheel forward, and -1.0 if backward.
-    """
+    """The joint of a wheel: ``forward`` is 1.0 if a positive angle turns it forward, and -1.0 if backward."""
 
     name: str
     forward: float
@@ -40,11 +35,7 @@ class WheelJoint:
 def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
     """Read a URDF: file names absolute, links by the names of this project, wheels turning forward.
 
-    Axes of joints are unit vectors.
-
-    Args:
-        path: The file.
-        frames: Frames by links of the URDF, in an order in which a frame follows those that it refers to.
+    Axes of joints are unit vectors. In the map a frame follows those that it refers to.
 
     Raises:
         GeometryError: The file is missing or is no URDF, or a joint names a link that is not in it.
@@ -64,10 +55,6 @@ def read_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
 def read_wheel_joints(path: Path, frames: FrameMap) -> tuple[WheelJoint, WheelJoint]:
     """Return the joints of the left and the right wheel of a unit, as its URDF has them.
 
-    Args:
-        path: The URDF.
-        frames: As in :func:`read_urdf`.
-
     Raises:
         GeometryError: As in :func:`read_urdf`.
         FrameMapError: As in :func:`read_urdf`.
@@ -81,10 +68,6 @@ def read_wheel_joints(path: Path, frames: FrameMap) -> tuple[WheelJoint, WheelJo
 
 def read_drawn_urdf(path: Path, frames: FrameMap = ()) -> ElementTree[Element]:
     """Read a URDF as :func:`read_urdf` does, but its joints have the axes that are drawn.
-
-    Args:
-        path: The file.
-        frames: As in :func:`read_urdf`.
 
     Raises:
         GeometryError: As in :func:`read_urdf`.
@@ -134,11 +117,7 @@ def named_file(urdf: Path, name: str) -> Path:
 
 
 def _check_names(path: Path, root: Element) -> None:
-    """Refuse a robot or a material without a name, of which PyBullet loads nothing.
-
-    Raises:
-        GeometryError: There is one.
-    """
+    """Refuse a robot or a material without a name, of which PyBullet loads nothing."""
     if root.tag == "robot" and "name" not in root.attrib:
         raise GeometryError(f'{path}: the <robot> has no name; give it one: <robot name="...">')
     holders = [("the <robot>", root.findall("material"))]
@@ -182,11 +161,7 @@ def _check_one_tree(path: Path, root: Element) -> None:
 
 
 def _check_no_circle(path: Path, root: Element) -> None:
-    """Refuse links that carry each other in a circle, which no other link carries.
-
-    Raises:
-        GeometryError: There are such links.
-    """
+    """Refuse links that carry each other in a circle, which no other link carries."""
     above = {
         child.get("link", ""): (parent.get("link", ""), joint.get("name", ""))
         for joint in root.findall("joint")

@@ -69,11 +69,7 @@ def write_unit_axes(root: Element) -> None:
 
 
 def _check_motion(joint: Element) -> None:
-    """Refuse a joint whose type, axis, limits or losses are not what a URDF has there.
-
-    Raises:
-        GeometryError: It is one.
-    """
+    """Refuse a joint whose type, axis, limits or losses are not what a URDF has there."""
     kind = joint.get("type")
     if kind not in _TYPES:
         found = "it has no type." if kind is None else f"unknown type {kind!r}{nearest(kind, _TYPES)}"

@@ -97,13 +97,7 @@ def _put_origin(element: Element, xyz: str, rpy: str) -> None:
 
 
 class LinkTree:
-    """The poses of all links of a URDF with all joints at zero.
-
-    Attributes:
-        path: The file.
-        links: Links by name.
-        joints: Joints by the names of their children.
-    """
+    """Links of a URDF by name, their poses with all joints at zero, and joints by names of their children."""
 
     def __init__(self, path: Path, root: Element) -> None:
         """Read the joints.

@@ -27,10 +27,7 @@ _ALONG = math.cos(math.radians(1.0))
 def measure_wheels(path: Path, frames: Mapping[str, SE3], solids: Iterable[Solid]) -> tuple[float, float]:
     """Return the radius of the wheels, and the distance between their contact points [m].
 
-    Args:
-        path: URDF of the unit, for messages.
-        frames: ``X_UF`` of every link F.
-        solids: Collision shapes of the unit.
+    ``frames`` has ``X_UF`` of every link F. The URDF is named in messages.
 
     Raises:
         GeometryError: A wheel has no round shape about its axis, the wheels differ, or the frame axle is not

@@ -31,11 +31,8 @@ def embed_calibrations(document: YamlDocument, beside: Path) -> None:
 def embed_file(document: YamlDocument, path: KeyPath, beside: Path, read: Callable[[Path], Spec]) -> None:
     """Replace the name of a file in a document by what the file says.
 
-    Args:
-        document: The document; it may have something else at the path, or nothing.
-        path: Key path of the name.
-        beside: Folder of the document, which is searched before the working folder.
-        read: Reads the file.
+    The document may have something else at the path, or nothing. Its folder, ``beside``, is searched before
+    the working folder.
 
     Raises:
         SceneError: The file is in neither folder, or cannot be used.

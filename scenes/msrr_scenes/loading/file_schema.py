@@ -35,14 +35,11 @@ _FILLED_IN = frozenset({"Choice", "LimitsSpec"})
 
 
 def file_schema(kind: str = "scene") -> Schema:
-    """Return the JSON schema (draft 2020-12) of a kind of file.
+    """Return the JSON schema (draft 2020-12) of a kind of file, one of :data:`KINDS`.
 
     It accepts every file that is read without an error, but for numbers that YAML takes for texts. What only
     several values together make wrong (two bodies in one place, a port that no unit has) passes it;
     ``msrr check`` finds that.
-
-    Args:
-        kind: One of :data:`KINDS`.
 
     Raises:
         UnknownNameError: There is no such kind of file.
@@ -111,9 +108,7 @@ def _either(short: Schema, model: Schema) -> Schema:
 def _without_noise(schema: Any, *, named: bool = False) -> Any:
     """Return a schema without titles, without defaults that its parts say again, and with closed mappings.
 
-    Args:
-        schema: A schema, or a part of one.
-        named: Whether the keys of ``schema`` are names of the file, and no words of JSON Schema.
+    If ``named``, the keys of the schema or part of one are names of the file, and no words of JSON Schema.
     """
     if isinstance(schema, list):
         return [_without_noise(part) for part in schema]

@@ -154,11 +154,9 @@ def check_scene(scene: Scene) -> None:
 
 
 def placed(scene: Scene, message: str) -> str:
-    """Return a message about a scene with its place: that of the key which a line begins with, or the file.
+    """Return a message about a scene with the place of each line.
 
-    Args:
-        scene: The scene.
-        message: Lines, each of which begins with a dotted key and a colon where it is about one key.
+    That is the place of the dotted key that the line begins with, before a colon, or the file.
     """
     places, lines = _places(scene), list[str]()
     for line in message.splitlines():

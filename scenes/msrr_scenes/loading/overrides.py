@@ -65,14 +65,10 @@ def _plain(value: object) -> object:
 def apply_overrides(
     document: YamlDocument, overrides: Mapping[str, str], told_as: str | Mapping[str, str] = "override"
 ) -> None:
-    """Write ``a.b.c=value`` pairs into a document; lists take an index.
+    """Write ``a.b.c=value`` pairs, of which the values are YAML text, into a document; lists take an index.
 
-    Mappings that are missing are created, but for bodies: a new one is given as a whole.
-
-    Args:
-        document: The document, which is changed.
-        overrides: Dotted keys and their values as YAML text.
-        told_as: What messages call an override, or each of them by its key.
+    Mappings that are missing are created, but for bodies: a new one is given as a whole. ``told_as`` is what
+    messages call an override, or each of them by its key.
 
     Raises:
         SceneError: A value is no YAML that a scene file could hold, or a path leads through a plain value,

@@ -90,11 +90,8 @@ def _without_effect(spec: TargetSpec) -> Iterator[Problem]:
 def target_scene(spec: TargetSpec, path: Path, folder: Path, calibration: CalibrationSpec | None) -> Scene:
     """Return the scene of a recording: a robot and its target, with the dock frame D as the world.
 
-    Args:
-        spec: The target.
-        path: Its file, which names the scene and beside which URDFs are looked for.
-        folder: Existing folder for the URDFs that are made.
-        calibration: Calibration of the camera, if it is not the one of the target.
+    The file of the target, ``path``, names the scene, and URDFs are looked for beside it. Those that are made
+    are written to ``folder``, which exists. Without a calibration the camera has that of the target.
 
     Raises:
         SceneError: A URDF is missing, or nothing tells of the camera.

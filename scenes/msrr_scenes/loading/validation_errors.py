@@ -36,10 +36,7 @@ _NOT_KEYS = {"source"}  # fields that the program fills in
 def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel]) -> Problem | None:
     """Return the problem that one pydantic error stands for; None if the error only repeats another one.
 
-    Args:
-        error: The error.
-        document: The document that was validated.
-        root: Model of the whole document.
+    ``root`` is the model of the whole document.
     """
     kind, loc, given = error["type"], error["loc"], error["input"]
     path = _written_path(loc, document.data)

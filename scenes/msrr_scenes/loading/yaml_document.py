@@ -45,11 +45,9 @@ _ALLOWED = {yaml.MappingNode: {_TAG + "map"}, yaml.SequenceNode: {_TAG + "seq"},
 
 @dataclass
 class YamlDocument:
-    """A parsed document and the origin (``file:line:column`` or command-line option) of each of its values.
+    """A parsed document, of dicts, lists and plain values, and the origin of every key path.
 
-    Attributes:
-        data: Content of the document: dicts, lists and plain values.
-        origins: Origin of every key path; the root is the empty path.
+    An origin is ``file:line:column`` or a command-line option; the root is the empty path.
     """
 
     data: dict[str, Any]
@@ -82,11 +80,7 @@ def read_text(path: Path) -> str:
 
 
 def parse_document(text: str, source: str) -> YamlDocument:
-    """Parse a scene file.
-
-    Args:
-        text: Content of the file, as :func:`read_text` returns it.
-        source: Name of the file, for messages.
+    """Parse the text of a scene file, whose name for messages is ``source``.
 
     Raises:
         SceneError: The text is no YAML or no mapping, gives a key twice, holds a type that is not plain, or
@@ -102,11 +96,9 @@ def parse_document(text: str, source: str) -> YamlDocument:
 
 
 def parse_value(text: str, source: str) -> Any:
-    """Return the plain value that a text of YAML stands for, nothing for an empty one.
+    """Return the plain value that a text of YAML stands for, None for an empty one.
 
-    Args:
-        text: The text.
-        source: Where it was given, for messages.
+    ``source`` says in messages where it was given.
 
     Raises:
         SceneError: It is no YAML that a scene file could hold.

@@ -62,10 +62,7 @@ def target_in_cone(X_DU: SE2, geometry: UnitGeometry, los: LosSpec) -> bool:
 def widest_edge(X_DU: SE2, geometry: UnitGeometry, los: LosSpec) -> float:
     """Return the larger angle [rad] between the optical axis of a unit's camera and an edge of the target.
 
-    Args:
-        X_DU: Pose of the unit in the dock frame of its target.
-        geometry: Geometry of that unit.
-        los: Target and cone.
+    D is the dock frame of the target.
     """
     return max(map(abs, los.edge_bearings(X_DU @ geometry.frame("camera").to_se2())))
 
@@ -93,14 +90,10 @@ def close_range_steps(scene: Scene) -> dict[str, DockStep]:
 
 
 def draw_placement(scene: Scene, rng_for: Callable[[str], np.random.Generator]) -> Placement:
-    """Draw the start of a trial.
+    """Draw the start of a trial of a checked scene.
 
-    Each body has its own stream ``start/<name>``. A unit whose target lies outside the outer cone (Zheng et
-    al., eq. 22) is drawn again from the same stream.
-
-    Args:
-        scene: A checked scene.
-        rng_for: Function that returns the generator of a named stream.
+    Each body has its own stream ``start/<name>``, of which ``rng_for`` returns the generator. A unit whose
+    target lies outside the outer cone (Zheng et al., eq. 22) is drawn again from the same stream.
 
     Raises:
         SceneError: No start inside the cone was found.

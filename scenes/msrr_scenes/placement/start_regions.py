@@ -79,13 +79,9 @@ def ancestors(scene: Scene, pose: PoseSpec) -> list[str]:
 
 
 def region(scene: Scene, name: str, points: Array, within: str | None = None) -> Array:
-    """Return the ground that ``points`` of a body can cover.
+    """Return the ground that ``points`` in a body's own frame, shape (N, 2) [m], can cover.
 
-    Args:
-        scene: Scene with the body.
-        name: Name of the body.
-        points: Points in the body's own frame, shape (N, 2) [m].
-        within: Ancestor in whose frame U the region is returned; None for the world.
+    It is returned in the frame U of the ancestor ``within``, in the world without one.
     """
     pose = scene.start_pose(name)
     frame = split_frame(pose.frame)
