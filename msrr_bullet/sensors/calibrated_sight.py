@@ -37,11 +37,6 @@ class OnboardSight:
     def __init__(self, scene: Scene, built: AsBuilt, step: DockStep) -> None:
         """Prepare the true and the told geometry of a step.
 
-        Args:
-            scene: The scene.
-            built: What is not as the scene says.
-            step: Step of the plan: which port docks to which.
-
         Raises:
             GeometryError: The lens that was built has no inverse in the frame.
         """
@@ -81,11 +76,7 @@ class OverheadSight:
     """The sight of all bodies by the overhead camera."""
 
     def __init__(self, scene: Scene, built: AsBuilt) -> None:
-        """Prepare the true and the told geometry.
-
-        Args:
-            scene: The scene, with an overhead camera.
-            built: What is not as the scene says.
+        """Prepare the true and the told geometry of a scene with an overhead camera.
 
         Raises:
             GeometryError: The lens that was built has no inverse in the frame.
