@@ -22,10 +22,7 @@ def seat_pose(scene: Scene, step: DockStep) -> SE2:
 def locked_group(scene: Scene, locked: Iterable[DockStep], unit: str) -> dict[str, SE2]:
     """Return the units that are locked to a unit, directly or through others, with their seated poses.
 
-    Args:
-        scene: Source of the geometry.
-        locked: Steps of the plan whose pairs are locked together.
-        unit: Name of the unit.
+    The pairs of the steps in ``locked`` are locked together.
 
     Returns:
         Poses ``X_UV`` of every unit V of the group in the frame of ``unit``, by name, ``unit`` included.
@@ -52,13 +49,8 @@ def neighbour_limits(
     """Return how near a docking unit may come to the neighbours of its target [m].
 
     A neighbour is a unit that is locked to the target. The limit is the clearance that the seated unit has
-    from it, less :data:`NEIGHBOUR_MARGIN_M`.
-
-    Args:
-        scene: Source of the geometry.
-        model: Shapes of all bodies.
-        locked: Steps of the plan whose pairs are locked together.
-        step: The step in which the unit docks.
+    from it, less :data:`NEIGHBOUR_MARGIN_M`. The pairs of the steps in ``locked`` are locked together, and
+    the unit docks in ``step``.
 
     Returns:
         Limits by the name of the neighbour.
