@@ -133,10 +133,7 @@ def moments(items: Iterable[Item]) -> Iterator[Moment]:
     """Yield all that happens in the order of time: every frame twice, at its exposure and at its arrival.
 
     Perception chooses what to read of a frame by what is known when it is exposed, and uses the tags when
-    they arrive, as on the robot.
-
-    Args:
-        items: What a recording holds, in the order of arrival.
+    they arrive, as on the robot. The items are in the order of arrival.
 
     Raises:
         RecordingError: The recording is damaged from some item on; all that happened before was yielded.

@@ -148,9 +148,7 @@ def _scale(
 def _with_room(values: Sequence[str], along: Sequence[float]) -> list[int]:
     """Return the indices of the values whose labels have room beside each other, from left to right.
 
-    Args:
-        values: The labels.
-        along: Where each stands on the axis, from 0 at its left end to 1 at its right end.
+    ``along`` is where each stands on the axis, from 0 at its left end to 1 at its right end.
     """
     shown: list[int] = []
     for index in sorted(range(len(values)), key=along.__getitem__):
