@@ -115,9 +115,7 @@ def _check_tops(scene: Scene, camera: OverheadCameraSpec, drawn: _DrawnUnits) ->
 class _DrawnUnit:
     """What a renderer draws of a unit.
 
-    Attributes:
-        triangles: Corners of the triangles in U, shape (T, 3, 3) [m].
-        tags: Tag id -> corners in U, shape (4, 3) [m], as built.
+    Corners of triangles, shape (T, 3, 3), and of tags by their ids, shape (4, 3), are in U as built [m].
     """
 
     triangles: Array

@@ -15,8 +15,8 @@ Pair = frozenset[str]
 class Clearance:
     """The distance between two bodies.
 
-    The distance [m] is minus the penetration depth of the deepest pair of parts in an overlap. The nearest
-    points are in W [m]; in an overlap they are the deepest ones.
+    In an overlap the distance [m] is minus the penetration depth of the deepest pair of parts. The nearest
+    points, in an overlap the deepest ones, are in W [m].
     """
 
     distance: float

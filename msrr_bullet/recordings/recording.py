@@ -22,13 +22,9 @@ class RecordingError(MsrrError):
 class RecordedFrame:
     """A picture of the camera.
 
-    Attributes:
-        name: Name of the picture, for messages.
-        stamp_ns: Time of exposure.
-        arrival_ns: Time at which it reached the computer.
-        decode: Returns the pixels, mono8 of shape (height, width), or raises a
-            :class:`~msrr_perception.photographs.picture_files.PictureError`.
-        number: Number of the frame.
+    It was exposed at ``stamp_ns`` and reached the computer at ``arrival_ns``. ``decode`` returns the pixels,
+    mono8 of shape (height, width), or raises a
+    :class:`~msrr_perception.photographs.picture_files.PictureError`.
     """
 
     name: str

@@ -87,9 +87,6 @@ def perceive(
             damaged from some point on.
         observer: Called with what is known at every instant.
 
-    Returns:
-        The figures.
-
     Raises:
         MsrrError: The target or the recording cannot be used at all, or the folder cannot be written.
     """

@@ -33,11 +33,9 @@ class CloseNeighbours:
     A docking unit passes them at some centimetres. It knows itself in D by its own camera, and them by their
     locks: far better than the overhead camera, whose tags were put on by hand, shows how near they are. Once
     its pins are in the holes it can only slide into its seat, and what it sees of itself tells nothing more:
-    the holes keep it farther from neighbours in their seats than the limits do.
-
-    Attributes:
-        limits: How near the unit may come to each of them [m], by name.
-        offset: Distance of the face of the unit's port ahead of its axle [m].
+    the holes keep it farther from neighbours in their seats than the limits do. ``limits`` are how near the
+    unit may come to each of them, by name, and ``offset`` is the distance of the face of the unit's port
+    ahead of its axle [m].
     """
 
     def __init__(

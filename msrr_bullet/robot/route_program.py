@@ -26,8 +26,7 @@ from msrr_scenes.specs.scene import Scene
 class RouteProgram:
     """Drives one granted route to its end.
 
-    Attributes:
-        phase: ``assemble`` on the way, ``done`` at its end, ``failed`` after giving up.
+    ``phase`` is ``assemble`` on the way, ``done`` at its end, and ``failed`` after giving up.
     """
 
     def __init__(

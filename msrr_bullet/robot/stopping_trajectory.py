@@ -40,10 +40,9 @@ _MAX_TIME_S = 5.0
 class LocalMap:
     """The estimated bodies around one unit at one instant.
 
-    Attributes:
-        reach: Largest distance of the footprint of the unit from the origin of U [m].
-        sigmas: For every other body, the standard deviation of the distance between it and the unit, if they
-            are near each other [m].
+    ``reach`` is the largest distance of the footprint of the unit from the origin of U, and ``sigmas`` are
+    the standard deviations of the distances between the unit and every other body, if they are near each
+    other [m].
     """
 
     def __init__(

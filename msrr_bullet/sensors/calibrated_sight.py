@@ -53,11 +53,8 @@ class OnboardSight:
     def see(self, X_DU: SE2) -> tuple[SE2 | None, Bearings]:
         """Return the pose that the robot computes and the bearings (left, right) that it measures [rad].
 
-        Args:
-            X_DU: True pose of the unit in the dock frame.
-
-        Returns:
-            The pose, or None if no tag of the port is in view as a whole; None for an edge out of view.
+        ``X_DU`` is the true pose. None stands for the pose if no tag of the port is in view as a whole, and
+        for an edge out of view.
         """
         X_CD = self._X_CU @ SE3.from_se2(X_DU.inverse())
         tags = self._camera.tags(self._told.lens, X_CD, self._corners_D)

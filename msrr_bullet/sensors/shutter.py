@@ -39,10 +39,8 @@ _LEAST_SHIFT_PX = 0.1
 class PartialExposure:
     """What one instant adds to a window.
 
-    Attributes:
-        rows: The part of the window that collects light then, all its columns wide.
-        instant: The instant.
-        weights: Share of the instant in each of the rows, shape (height,).
+    ``rows`` is the part of the window that collects light then, all its columns wide, and ``weights`` the
+    share of the instant in each of the rows, shape (height,).
     """
 
     rows: Window

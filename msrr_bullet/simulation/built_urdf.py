@@ -77,12 +77,8 @@ class _Walls:
         """Set shapes behind a tag back to where the tag is not inside them.
 
         A tag that was put on deeper than designed is not inside the wall that carries it; the wall is deeper,
-        too. A box is cut; one that is too thin, or a cylinder, moves.
-
-        Args:
-            slot: Link of the tag.
-            X_UX: True pose of the tag.
-            half: Half the edge of its plate [m].
+        too. A box is cut; one that is too thin, or a cylinder, moves. ``X_UX`` is the true pose of the tag,
+        and ``half`` half the edge of its plate [m].
         """
         X_TU, X_XU = self._drawn.frame(slot).inverse(), X_UX.inverse()
         behind = _behind(*_extents(self._drawn, slot), half)

@@ -24,9 +24,8 @@ from msrr_scenes.specs.scene import Scene
 class Simulation:
     """The true state of a running trial.
 
-    Attributes:
-        built: What is not as the scene says, which no robot is told.
-        world: The PyBullet world; None when neither the plant nor a camera needs one.
+    ``built`` is what is not as the scene says, which no robot is told. ``world`` is None when neither the
+    plant nor a camera needs one.
     """
 
     scene: Scene

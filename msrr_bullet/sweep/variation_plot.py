@@ -118,8 +118,8 @@ def _scale(
 ) -> Callable[[int, float], float]:
     """Set the axis of the values, which are numbers or not, with ticks at the values alone.
 
-    Returns:
-        The place of a value, by its index and by how far aside it is shown, over the width of the axes.
+    The function returns the place of a value, by its index and by how far aside it is shown, over the width
+    of the axes.
     """
     if numbers is None:
         upright = _upright(values)

@@ -52,12 +52,9 @@ class PathFollowingSeries:
 
     @classmethod
     def of(cls, instants: list[ControlInstant], unit: str, offset: float) -> PathFollowingSeries | None:
-        """Select the instants at which a path was followed.
+        """Return the series of the instants at which a path was followed; None when none was.
 
         ``offset`` is the distance of the controlled point ahead of the axle [m].
-
-        Returns:
-            The series; None when no path was followed.
         """
         followed = [
             (i, i.assembly)

@@ -43,11 +43,9 @@ class DockingStep:
 
     The mission owns the time and lets the robot decide. It calls :meth:`follow` after every decision and,
     where the step :meth:`watches`, :meth:`observe` after every tick of the physics, until the step has ended.
-
-    Attributes:
-        index: Index of the step: in the plan, or among those that a base station has begun.
-        min_clearance: Smallest clearance of all bodies that was noted [m]; infinite before one was.
-        verdict: Verdict of the judge; None while the step is under way.
+    ``index`` is its place in the plan, or among the steps that a base station has begun. ``min_clearance`` is
+    the smallest clearance of all bodies that was noted [m], infinite before one was, and ``verdict`` that of
+    the judge; None while the step is under way.
     """
 
     def __init__(

@@ -24,8 +24,7 @@ from msrr_scenes.geometry.obj_file import (
 class MeshPart:
     """The triangles of a mesh file, in its own units, that share a texture or have none.
 
-    Attributes:
-        from_material: Whether the file names its materials, so that PyBullet knows about the texture.
+    ``from_material`` is whether the file names its materials, so that PyBullet knows about the texture.
     """
 
     mesh: Mesh
