@@ -49,10 +49,7 @@ def obstacle_tag_pose(height_m: float, built: BuiltTag) -> SE3:
 class PlacedTag:
     """A tag of a unit or of an obstacle as it was printed and put on.
 
-    Attributes:
-        tag_id: Its id.
-        X_BT: True pose in the frame of its body.
-        size: True edge of the black square [m].
+    ``X_BT`` is its true pose in the frame of its body, and ``size`` the true edge of its black square [m].
     """
 
     tag_id: int
@@ -68,10 +65,7 @@ class PlacedTag:
 def placed_tags(scene: Scene, built: AsBuilt, name: str) -> dict[str, PlacedTag]:
     """Return the tags of a body as they were built, by the link that carries each; covered ones as well.
 
-    Args:
-        scene: The scene.
-        built: What is not as the scene says.
-        name: Unit or obstacle. The tag of an obstacle is called ``tag_top``, as that on a unit is.
+    The tag of an obstacle is called ``tag_top``, as that on a unit is.
 
     Raises:
         GeometryError: A link that carries a tag is not in the URDF.

@@ -34,9 +34,7 @@ def mcnemar(first: ArrayLike, second: ArrayLike) -> PairedCount:
     half of these: their number is binomial.
     Source: McNemar, Note on the Sampling Error of the Difference Between Correlated Proportions, 1947.
 
-    Args:
-        first: Flags of the trials, shape (trials,).
-        second: Flags of the same trials under the other way, same shape.
+    Flags are those of the same trials, shape (trials,).
     """
     a, b = np.asarray(first, dtype=bool), np.asarray(second, dtype=bool)
     alone = int((a & ~b).sum()), int((b & ~a).sum())
@@ -75,11 +73,8 @@ def paired_difference(first: Array, second: Array, q: float, resamples: int = 20
     the differences found (the percentile method). The draws are the same in every call.
     Source: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapters 8 and 13.
 
-    Args:
-        first: Values of the trials, shape (trials,); infinite ones count as larger than any other.
-        second: Values of the same trials, same shape.
-        q: Which quantile, in 0 .. 1 without the ends.
-        resamples: Number of draws.
+    Values are those of the same trials, shape (trials,), and infinite ones count as larger than any other.
+    The quantile ``q`` lies in 0 .. 1 without the ends.
 
     Raises:
         ValueError: There are no trials, or their numbers differ.

@@ -62,9 +62,7 @@ def wilson(successes: int, trials: int) -> Rate:
     It keeps its level for rates near 0 and 1 and for few trials, where the usual normal interval collapses.
     Source: Wilson, Probable Inference, the Law of Succession, and Statistical Inference, JASA 22 (1927).
 
-    Args:
-        successes: Number of successful trials, at most ``trials``.
-        trials: Number of trials. Without any the rate is unknown and returned as 0 with the interval 0 .. 1.
+    Without trials the rate is unknown and returned as 0 with the interval 0 .. 1.
 
     Raises:
         ValueError: A count is out of range.
@@ -86,10 +84,8 @@ def wilson(successes: int, trials: int) -> Rate:
 def quantiles(values: Iterable[float], *, independent: bool = False) -> Quantiles:
     """Return median, 95th percentile and largest of ``values``, some of which may be infinite.
 
-    Args:
-        values: The values.
-        independent: Whether they are independent of each other, as those of different trials are, and those
-            of one trial or image are not; then median and 95th percentile get their intervals.
+    If they are ``independent`` of each other, as those of different trials are, and those of one trial or
+    image are not, median and 95th percentile get their intervals.
     """
     array = np.fromiter(values, dtype=np.float64)
     if array.size == 0:
@@ -126,9 +122,7 @@ def quantile_interval(values: Sequence[float] | Array, q: float) -> Interval:
     quantile is binomial. Each bound is wrong with at most half of the odds that :data:`CONFIDENCE` leaves.
     Source: David and Nagaraja, Order Statistics, 3rd ed. (2003), section 7.1.
 
-    Args:
-        values: Independent values, (n,); they may be infinite.
-        q: Quantile, in 0 .. 1 without the ends.
+    Values, shape (n,), are independent and may be infinite; ``q`` lies in 0 .. 1 without the ends.
 
     Returns:
         The bounds; None for one that no value is, for there are too few.

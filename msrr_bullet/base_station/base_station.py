@@ -46,17 +46,11 @@ class BaseStation:
     """Leads all units of a scene through its mission.
 
     From the scene it takes geometry, calibration, data sheets and the mission, never the poses of bodies.
-
-    Attributes:
-        status: How the mission stood at the last step.
+    ``status`` is how it stood at the last step.
     """
 
     def __init__(self, scene: Scene, profiler: Profiler | None = None) -> None:
-        """Begin before anything was seen or heard.
-
-        Args:
-            scene: A scene with a mission.
-            profiler: Measures the time of the coordination.
+        """Begin the mission of a scene, before anything was seen or heard.
 
         Raises:
             SceneError: The mission cannot be carried out, or the scene has no overhead camera.

@@ -38,12 +38,9 @@ def check_views(scene: Scene, world: BulletWorld | None, bodies: LoadedBodies | 
 
     It needs one where its approach begins, where it ends, if the seat is verified by sight, and where the
     next attempt begins. Such a scene has no tag of the port as a whole in the picture, or has every tag of
-    the target that is in the picture behind another part of the two robots.
-
-    Args:
-        scene: The scene.
-        world: The world of a trial; None if it needs none.
-        bodies: What is drawn of that world; None where nothing hides a tag, as for parametric cameras.
+    the target that is in the picture behind another part of the two robots. ``world`` is that of a trial;
+    None if it needs none. ``bodies`` are what is drawn of it; None where nothing hides a tag, as for
+    parametric cameras.
 
     Raises:
         SceneError: The message names the unit, and the port and the place, or the tag on top.
@@ -118,9 +115,7 @@ def _check_tops(scene: Scene, camera: OverheadCameraSpec, drawn: _DrawnUnits) ->
 class _DrawnUnit:
     """What a renderer draws of a unit.
 
-    Attributes:
-        triangles: Corners of the triangles in U, shape (T, 3, 3) [m].
-        tags: Tag id -> corners in U, shape (4, 3) [m], as built.
+    Corners of triangles, shape (T, 3, 3), and of tags by their ids, shape (4, 3), are in U as built [m].
     """
 
     triangles: Array

@@ -159,14 +159,9 @@ def _board(kind: Kind, size: str, square_mm: float, marker_mm: float | None, fam
 
 @dataclass
 class _Pictures:
-    """The pictures of a calibration.
+    """The boards found, names of pictures that show none, and of repeated pictures with what they repeat.
 
-    Attributes:
-        views: The boards that were found.
-        missed: Names of pictures that show none.
-        repeated: Names of pictures that are the same as an earlier one, and of that.
-        width: Width of all pictures [px].
-        height: Their height [px].
+    All pictures have one size [px].
     """
 
     views: list[BoardView] = field(default_factory=list)

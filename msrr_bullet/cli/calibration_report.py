@@ -29,13 +29,9 @@ def print_report(
 ) -> None:
     """Print pictures, models and values, and what is to be said of them.
 
-    Args:
-        console: Where to print.
-        found: The calibration.
-        missed: Names of pictures that show no board.
-        repeated: Names of pictures that are the same as an earlier one, and of that.
-        doubt: What speaks against the board; empty for nothing.
-        measures: Options that say what the board is like.
+    ``missed`` are names of pictures that show no board, and ``repeated`` of those that are the same as an
+    earlier one, each with the name of that. ``doubt`` speaks against the board, and is empty for nothing;
+    ``measures`` are options that say what the board is like.
     """
     from rich.table import Table
 

@@ -36,15 +36,10 @@ if TYPE_CHECKING:
 
 @dataclass
 class _Work:
-    """What was done so far.
+    """What was done so far, and what the library would do with the same pictures and its defaults.
 
-    Attributes:
-        pictures: Tags of all pictures that could be read.
-        failed: Number of files that could not be read.
-        own_s: Time that the detection took [s].
-        library_s: Time that the library takes for the same pictures with its defaults [s].
-        library_tags: Number of tags that it finds.
-        names: Names of annotated pictures that were written.
+    ``failed`` counts files that could not be read; ``names`` are those of annotated pictures that were
+    written.
     """
 
     pictures: list[PictureTags] = field(default_factory=list)

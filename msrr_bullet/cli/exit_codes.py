@@ -46,9 +46,6 @@ class Terminated(StoppedError):
     """A signal ends the program, such as SIGTERM; an exception closes every server, process and file.
 
     It is no SystemExit: that one may come from a class of the user's own, and then ends the trial alone.
-
-    Attributes:
-        number: The signal.
     """
 
     def __init__(self, number: int) -> None:

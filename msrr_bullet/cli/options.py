@@ -217,10 +217,8 @@ def _seed(part: str, given: str, form: str) -> int:
 def check_writable(file: Path | None, option: str = "--json", taken: Iterable[Path | None] = ()) -> None:
     """Refuse a file before the work begins if its result could not be written there.
 
-    Args:
-        file: File that an option names; None or ``-`` for standard output is not checked.
-        option: The option.
-        taken: Files that the command reads or writes as well.
+    None, or ``-`` for standard output, is not checked. ``taken`` are the files that the command reads or
+    writes as well.
 
     Raises:
         SceneError: The file is one of ``taken``, or cannot be written.

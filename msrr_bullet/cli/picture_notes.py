@@ -14,9 +14,7 @@ def same_picture(name: str, first: str) -> str:
 def poor_residual(rms_px: float, other_causes: str) -> list[str]:
     """Return what a large residual may come from, if this is one.
 
-    Args:
-        rms_px: Root mean square of the residuals [px].
-        other_causes: What may be wrong beside the pictures, if they are all alike.
+    ``other_causes`` is what may be wrong beside the pictures, if they are all alike.
     """
     if rms_px <= _POOR_RESIDUAL_PX:
         return []

@@ -222,9 +222,7 @@ def _run_trials(
 def _exit(summaries: Sequence[SweepSummary], labels: Sequence[str]) -> None:
     """End the command with the exit code of a sweep that was not stopped at once; return if all went well.
 
-    Args:
-        summaries: The summary of every scene.
-        labels: What tells each scene from the others, in words; empty for the only one.
+    Each label tells a scene from the others, in words; that of an only one is empty.
     """
     if any(summary.interrupted for summary in summaries):
         raise KeyboardInterrupt

@@ -68,10 +68,7 @@ def sweep_table(summary: SweepSummary, overrides: Sequence[str] = ()) -> Table:
 def variation_table(variation: Variation, width: int, overrides: Sequence[str] = ()) -> Table:
     """Return the table of a variation; below it stand the values that were set at all levels.
 
-    Args:
-        variation: The variation.
-        width: Width of the console, in characters.
-        overrides: The values that were set, each ``KEY=VALUE``.
+    The console is ``width`` characters wide; each of these values is ``KEY=VALUE``.
     """
     failures = sum(len(level.summary.failures) for level in variation.levels)
     notes = [_not_successes(failures, f"not {variation.goal}")] if failures else []

@@ -17,11 +17,8 @@ from msrr_scenes.specs.scene import Scene
 class TrialBar:
     """A bar that counts the trials that have ended; what did not succeed is named above it.
 
-    Args:
-        bar: The bar.
-        scenes: The scenes.
-        labels: What tells each scene from the others, in words; empty for the only one.
-        trials: Number of trials of all of them.
+    Each label tells a scene from the others, in words; that of an only one is empty. ``trials`` counts those
+    of all scenes.
     """
 
     def __init__(self, bar: Progress, scenes: Sequence[Scene], labels: Sequence[str], trials: int) -> None:

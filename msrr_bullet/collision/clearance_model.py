@@ -43,11 +43,7 @@ class _Body:
 
 
 class _BodyPair:
-    """Two bodies with all pairs of their parts.
-
-    Attributes:
-        names: Names of the two bodies.
-    """
+    """Two bodies with all pairs of their parts."""
 
     def __init__(self, a: _Body, b: _Body) -> None:
         self._a, self._b = a, b
@@ -106,9 +102,8 @@ class ClearanceModel:
     def __init__(self, footprints: Mapping[str, Sequence[Part]], fixed: Collection[str] = ()) -> None:
         """Build the model.
 
-        Args:
-            footprints: Parts of every body, by name, in the frame of the body.
-            fixed: Names of bodies that never move and are not measured against each other.
+        Parts are in the frame of their body. Those bodies that are ``fixed`` never move and are not measured
+        against each other.
         """
         self._bodies = {name: _Body(name, parts) for name, parts in footprints.items()}
         self._fixed = frozenset(fixed)
@@ -128,9 +123,8 @@ class ClearanceModel:
     ) -> tuple[Clearance, ...]:
         """Return the clearance of every pair of bodies, nearest first.
 
-        Args:
-            poses: ``X_WB`` of every present body, by name; B is frame U of a unit, the middle of an obstacle.
-            exempt: Pairs that are left out, such as two units that may touch.
+        Poses ``X_WB`` are those of all present bodies; B is frame U of a unit, the middle of an obstacle.
+        Pairs such as two units that may touch are ``exempt`` and left out.
 
         Raises:
             UnknownNameError: A name is not that of a body of the model.
@@ -165,11 +159,6 @@ class ClearanceModel:
     def nearest(self, name: str, X_WB: SE2, others: Mapping[str, SE2]) -> Clearance | None:
         """Return the smallest clearance of one body at ``X_WB`` from others; None without any.
 
-        Args:
-            name: Name of the body.
-            X_WB: Its pose.
-            others: Poses of the other bodies, by name.
-
         Raises:
             UnknownNameError: A name is not that of a body of the model.
         """
@@ -190,13 +179,6 @@ class ClearanceModel:
 
     def within(self, a: str, X_WA: SE2, b: str, X_WB: SE2, distance: float) -> bool:
         """Return whether the clearance of two bodies is less than ``distance`` [m].
-
-        Args:
-            a: Name of one body.
-            X_WA: Its pose.
-            b: Name of the other body.
-            X_WB: Its pose.
-            distance: The distance [m].
 
         Raises:
             UnknownNameError: A name is not that of a body of the model.

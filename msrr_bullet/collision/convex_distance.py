@@ -107,10 +107,7 @@ class PlacedPart:
 class Gap(NamedTuple):
     """The distance between two parts.
 
-    Attributes:
-        distance: Distance [m]; in an overlap, minus the penetration depth.
-        point_a: Nearest point of one part in W [m]; in an overlap, the deepest point.
-        point_b: Nearest point of the other part in W [m]; in an overlap, the deepest point.
+    All is as in :class:`msrr_bullet.collision.clearance.Clearance`.
     """
 
     distance: float

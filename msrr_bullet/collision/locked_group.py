@@ -22,13 +22,8 @@ def seat_pose(scene: Scene, step: DockStep) -> SE2:
 def locked_group(scene: Scene, locked: Iterable[DockStep], unit: str) -> dict[str, SE2]:
     """Return the units that are locked to a unit, directly or through others, with their seated poses.
 
-    Args:
-        scene: Source of the geometry.
-        locked: Steps of the plan whose pairs are locked together.
-        unit: Name of the unit.
-
-    Returns:
-        Poses ``X_UV`` of every unit V of the group in the frame of ``unit``, by name, ``unit`` included.
+    The docks in ``locked`` are closed. The poses ``X_UV`` of every unit V of the group are in the frame of
+    ``unit``, by name, ``unit`` included.
     """
     steps = tuple(locked)
     poses = {unit: SE2()}
@@ -49,19 +44,10 @@ def locked_group(scene: Scene, locked: Iterable[DockStep], unit: str) -> dict[st
 def neighbour_limits(
     scene: Scene, model: ClearanceModel, locked: Iterable[DockStep], step: DockStep
 ) -> Mapping[str, float]:
-    """Return how near a docking unit may come to the neighbours of its target [m].
+    """Return how near a docking unit may come to each of the neighbours of its target [m], by name.
 
     A neighbour is a unit that is locked to the target. The limit is the clearance that the seated unit has
-    from it, less :data:`NEIGHBOUR_MARGIN_M`.
-
-    Args:
-        scene: Source of the geometry.
-        model: Shapes of all bodies.
-        locked: Steps of the plan whose pairs are locked together.
-        step: The step in which the unit docks.
-
-    Returns:
-        Limits by the name of the neighbour.
+    from it, less :data:`NEIGHBOUR_MARGIN_M`. The docks in ``locked`` are closed.
     """
     group = locked_group(scene, locked, step.target_unit)
     X_TU = seat_pose(scene, step)

@@ -72,17 +72,11 @@ def documented_tables() -> Iterator[tuple[str, str, tuple[Column, ...]]]:
 
 
 def write_csv(log: Log, folder: str | Path) -> tuple[Path, ...]:
-    """Write the tables of a log that have a row. The same log gives the same bytes.
+    """Write the tables of a log that have a row, and return the files.
 
-    Tables of an earlier export give way once all of these are written, also those that this log does not
-    have; no other file does.
-
-    Args:
-        log: Log of the run.
-        folder: Folder for the files, created if needed. Files of the same names are overwritten.
-
-    Returns:
-        The files that were written.
+    The same log gives the same bytes. Tables of an earlier export give way once all of these are written,
+    also those that this log does not have; no other file does. The folder is created if needed, and files of
+    the same names are overwritten.
 
     Raises:
         RunFolderError: The folder cannot be written.

@@ -46,9 +46,8 @@ _FOOTER, _FOOTER_SIZE = b"RRF2FOOT", 12
 def write_rerun(log: Log, path: Path) -> None:
     """Write a log as a file that Rerun opens, all of it or nothing.
 
-    Args:
-        log: The log; its URDFs have to be unpacked (:func:`msrr_bullet.log.unpacked_log`).
-        path: File to write, ending in ``.rrd``. An older one is lost only when the new one is whole.
+    The URDFs of the log have to be unpacked (:func:`msrr_bullet.log.unpacked_log`). The name of the file ends
+    in ``.rrd``; an older one is lost only when the new one is whole.
 
     Raises:
         MsrrError: The name does not end in ``.rrd``, the package rerun-sdk is not installed, the log ends

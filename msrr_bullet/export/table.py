@@ -69,14 +69,9 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Table of one class of messages.
+    """Table of one class of messages, the file ``<name>.csv``.
 
-    Attributes:
-        name: Name of the file without ``.csv``.
-        about: Meaning of a row.
-        kind: Class of the messages.
-        columns: Columns in order.
-        rows: Function that returns the rows of one message.
+    ``about`` is the meaning of a row, and ``rows`` returns those of one message.
     """
 
     name: str

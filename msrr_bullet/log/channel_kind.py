@@ -6,14 +6,9 @@ from typing import NamedTuple
 
 
 class ChannelKind(NamedTuple):
-    """Schema and encoding of the messages of a topic, and what a reader has to know besides.
+    """Schema and encoding of the messages of a topic, and names and values that a reader has to know besides.
 
-    Attributes:
-        name: Name of the schema.
-        schema_encoding: ``jsonschema`` or ``protobuf``.
-        schema: The schema.
-        encoding: ``json`` or ``protobuf``.
-        metadata: Names and values.
+    The schema is ``jsonschema`` or ``protobuf``, the messages are ``json`` or ``protobuf``.
     """
 
     name: str

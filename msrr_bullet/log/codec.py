@@ -56,10 +56,7 @@ class LogError(MsrrError):
 class Codec(Generic[T]):
     """Conversion of the values of one type to JSON and back.
 
-    Attributes:
-        encode: Conversion of a value to what ``json`` can write.
-        decode: Inverse of ``encode``.
-        schema: JSON Schema of the encoded value; None if the part that Foxglove reads cannot tell it.
+    ``schema`` is the JSON Schema of the encoded value; None if the part that Foxglove reads cannot tell it.
     """
 
     encode: Callable[[T], Json]

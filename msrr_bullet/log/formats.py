@@ -46,14 +46,7 @@ from msrr_scenes.messages.coordination import Authority, MissionStatus, UnitRepo
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """Format of one message type.
-
-    Attributes:
-        kind: Message class.
-        schema: JSON Schema, whose title is ``msrr.<class>``.
-        encode: Conversion of a message to JSON.
-        decode: Conversion of JSON to a message.
-    """
+    """Format of one message type; its JSON Schema has the title ``msrr.<class>``."""
 
     kind: type
     schema: dict[str, Json]

@@ -87,11 +87,9 @@ class McapRecorder:
     ) -> None:
         """Open the file, overwriting an existing one, and write the header.
 
-        Args:
-            path: File to write, in an existing folder.
-            header: Scene, seed, versions.
-            flush_every_s: Simulated time between two flushes to the disk [s].
-            listener: Gets every message in the thread that writes; while it takes its time, the trial waits.
+        The folder has to exist. The file is flushed to the disk whenever ``flush_every_s`` of simulated time
+        has passed. The listener gets every message in the thread that writes; while it takes its time, the
+        trial waits.
 
         Raises:
             LogError: The file cannot be written.

@@ -32,10 +32,8 @@ _CHECKSUM_SIZE = 4
 def mcap_records(path: Path, complete: bool, channels: Container[int]) -> Iterator[McapRecord]:
     """Iterate over the records of an MCAP file, those in its chunks included.
 
-    Args:
-        path: The file.
-        complete: Whether the file was finished. One that was not may end anywhere.
-        channels: Numbers of the channels whose messages are yielded; the caller may add some on the way.
+    One that is not ``complete`` may end anywhere. ``channels`` are the numbers of those whose messages are
+    yielded; the caller may add some on the way.
 
     Raises:
         LogError: The file cannot be read, or is complete and damaged.

@@ -137,10 +137,8 @@ class Log:
     ) -> Iterator[LogRecord]:
         """Iterate over the messages in the order in which they were written.
 
-        Args:
-            patterns: Topics, with ``*`` for any text (``/sensors/*``). Without a pattern, all topics.
-            start_ns: Start of the time range, inclusive.
-            end_ns: End of the time range, exclusive.
+        Patterns are topics, with ``*`` for any text (``/sensors/*``); without one all topics count. The time
+        range includes its start and not its end.
 
         Raises:
             LogError: The file is damaged. An early end is no damage.
@@ -200,10 +198,7 @@ class Log:
 
 
 def read_log(path: str | Path) -> Log:
-    """Open a log.
-
-    Args:
-        path: MCAP file, or the run folder that holds ``trial.mcap``.
+    """Open a log: an MCAP file, or the run folder that holds ``trial.mcap``.
 
     Raises:
         LogError: The file does not exist or is not a log of this program.
@@ -259,10 +254,7 @@ def begun_by_msrr(path: Path) -> bool:
 
 @contextmanager
 def unpacked_log(path: str | Path) -> Iterator[Log]:
-    """Open a log and unpack its URDFs into a temporary folder for the duration of the ``with`` block.
-
-    Args:
-        path: MCAP file, or the run folder that holds ``trial.mcap``.
+    """Open a log as :func:`read_log` does, with its URDFs in a temporary folder for the ``with`` block.
 
     Raises:
         LogError: The log cannot be read, or a file in it has an unsafe name.

@@ -22,20 +22,12 @@ class Drivetrain:
 
     The drive turns a velocity into speeds of the motors by the *drawn* radius and track. A motor follows with
     a lag of first order and does not turn in its dead zone. The gear has play: a wheel stands until its motor
-    has taken it up. How far the unit moves is decided by the true radii and the true track.
-
-    Attributes:
-        ideal: Whether all of it is as designed.
-        play: Angle of the left and the right motor ahead of the wheel [rad].
+    has taken it up. How far the unit moves is decided by the true radii and the true track. ``play`` is the
+    angle of the left and the right motor ahead of the wheel [rad]. All of an ``ideal`` one is as designed.
     """
 
     def __init__(self, drawn: UnitGeometry, built: BuiltDrive) -> None:
-        """Start at rest, with the motors in the middle of their play.
-
-        Args:
-            drawn: Geometry by which the drive computes the speeds of its motors.
-            built: What is not as designed.
-        """
+        """Start at rest, with the motors in the middle of their play."""
         self._drawn, self._built = drawn, built
         self._motors = _AT_REST
         self.ideal = built.ideal
@@ -47,12 +39,7 @@ class Drivetrain:
         return self._motors == _AT_REST
 
     def step(self, velocity: Twist, dt: float) -> Sides:
-        """Advance by ``dt`` [s]; return the speeds of the left and the right wheel [rad/s].
-
-        Args:
-            velocity: Velocity that the drive wants.
-            dt: Time [s].
-        """
+        """Advance by ``dt`` [s] towards a velocity; return the speeds of the left and right wheel [rad/s]."""
         if self.at_rest and not (velocity.v or velocity.w):
             return _AT_REST  # most units, at most ticks
         left, right = wheel_speeds(velocity, self._drawn)

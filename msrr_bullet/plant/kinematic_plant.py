@@ -44,11 +44,8 @@ class KinematicPlant(Plant):
     ) -> None:
         """Place the units.
 
-        Args:
-            scene: A checked scene.
-            placement: Start poses of the units.
-            world: Bodies that follow the units, for the cameras; None when no camera is rendered.
-            built: What is not as the scene says; None if all is.
+        ``world`` has the bodies that follow the units, for the cameras; None when no camera is rendered.
+        ``built`` is what is not as the scene says; None if all is.
         """
         super().__init__(scene, built or as_designed(scene))
         self._world = world

@@ -71,9 +71,6 @@ class KinematicPort(PortMechanism):
 
     All poses are those of frame P of the active port in the dock frame D of the target; ``x`` is minus the
     gap between the faces.
-
-    Attributes:
-        plugged: Whether the holes of the passive port are plugged.
     """
 
     def __init__(
@@ -87,14 +84,9 @@ class KinematicPort(PortMechanism):
     ) -> None:
         """Start with an open lock.
 
-        Args:
-            step: Step of the plan: which port docks to which.
-            geometry: Geometry of the docking unit.
-            target: Geometry of the target unit.
-            spec: Closing time and strength of the lock.
-            X_TU: Start pose of the docking unit in the frame of the target unit; pins that are in the funnel
-                at the start are held there.
-            switch_travel: Distance from the bottom of the hole at which the seat switches close [m].
+        ``X_TU`` is the start pose of the docking unit in the frame of the target unit; pins that are in the
+        funnel at the start are held there. ``switch_travel`` is as for
+        :class:`msrr_bullet.plant.plant.PortMechanism`.
         """
         super().__init__(step, spec, switch_travel)
         mechanism = PinAndHole.of(geometry, step.port, target, step.target_port)
@@ -115,12 +107,7 @@ class KinematicPort(PortMechanism):
         return self._engaged
 
     def constrain(self, X_WU: SE2, X_WT: SE2) -> SE2:
-        """Return the pose of the docking unit that the port allows.
-
-        Args:
-            X_WU: Pose that the docking unit would have without the port.
-            X_WT: Pose of the target unit.
-        """
+        """Return the pose of the docking unit that the port allows, from the one it would have without it."""
         X_WD = X_WT @ self._X_TD
         if self._engaged:
             return X_WD @ self._X_DP @ self._X_UP.inverse()

@@ -17,8 +17,7 @@ def wheel_speeds(twist: Twist, geometry: UnitGeometry) -> tuple[float, float]:
 class LimitedDrive:
     """A drive whose velocity follows the command within nested limits (Zheng et al., eq. 3).
 
-    Attributes:
-        velocity: Velocity that the wheels are commanded; not a measurement.
+    Its ``velocity`` is what the wheels are commanded, not a measurement.
     """
 
     def __init__(self, limits: LimitsSpec, dt: float) -> None:

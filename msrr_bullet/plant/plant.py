@@ -29,18 +29,13 @@ Vector = tuple[float, float, float]
 class PortMechanism(ABC):
     """The pins, the seat switches and the lock of an active port that docks to a passive port.
 
-    Attributes:
-        dock_step: Step of the plan: which port docks to which.
-        jams: Whether the lock does not open any more once it is closed.
+    A lock that ``jams`` does not open any more once it is closed.
     """
 
     def __init__(self, dock_step: DockStep, spec: LockSpec, switch_travel: float) -> None:
         """Start with an open lock.
 
-        Args:
-            dock_step: Step of the plan: which port docks to which.
-            spec: Closing time and strength of the lock.
-            switch_travel: Distance from the bottom of the hole at which the seat switches close [m].
+        The seat switches close at the distance ``switch_travel`` from the bottom of the hole [m].
         """
         self.dock_step = dock_step
         self._spec = spec
@@ -101,18 +96,11 @@ class Plant(ABC):
 
     A command stays in force until the next one. A unit without a command brakes. The port mechanism of a unit
     exists from the first :meth:`begin_dock` on; before that the switches are open and the lock holds nothing.
-
-    Attributes:
-        tick: Number of physics ticks since the start.
+    ``tick`` is the number of physics ticks since the start.
     """
 
     def __init__(self, scene: Scene, built: AsBuilt) -> None:
-        """Start with all drives at rest and no port mechanism.
-
-        Args:
-            scene: A checked scene.
-            built: What is not as the scene says.
-        """
+        """Start with all drives at rest and no port mechanism."""
         self.tick = 0
         self._scene = scene
         self._built = built
@@ -136,12 +124,7 @@ class Plant(ABC):
         """Advance by one tick."""
 
     def advance(self, until_ns: float, observe: Callable[[], None] | None = None) -> None:
-        """Advance to the first tick at or after a time, by one tick at least.
-
-        Args:
-            until_ns: The time [ns].
-            observe: Called after every tick.
-        """
+        """Advance to the first tick at or after a time [ns], at least by one; call ``observe`` after each."""
         while True:
             self.step()
             if observe is not None:
@@ -165,9 +148,7 @@ class Plant(ABC):
     def frame(self, unit: str, X_UF: SE3) -> tuple[Vector, Vector, Vector]:
         """Return origin [m], x axis and y axis in W of a frame that is fixed to a unit.
 
-        Args:
-            unit: Name of the unit.
-            X_UF: Pose of the frame in the unit, the same object in every call.
+        ``X_UF``, the pose of the frame in the unit, is the same object in every call.
         """
         X_WF = self.pose3(unit) @ X_UF
         origin, x_axis, y_axis = (tuple(v.tolist()) for v in (X_WF.p, X_WF.R[:, 0], X_WF.R[:, 1]))

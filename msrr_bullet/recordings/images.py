@@ -40,10 +40,8 @@ _ENCODINGS: dict[str, tuple[str, int, int | None]] = {
 def pixels_of(message: Any, name: str) -> Pixels:
     """Return the pixels of an image message, mono8 of shape (height, width).
 
-    Args:
-        message: Decoded ``CompressedImage`` or ``RawImage`` of Foxglove, ``CompressedImage`` or ``Image`` of
-            ROS 2.
-        name: Name for messages to the user.
+    The message is a decoded ``CompressedImage`` or ``RawImage`` of Foxglove, or a ``CompressedImage`` or
+    ``Image`` of ROS 2. Messages to the user call it ``name``.
 
     Raises:
         PictureError: The image is damaged, or in a form that is not known.

@@ -32,14 +32,7 @@ DAMAGE = (
 
 
 class DecodedMessage(NamedTuple):
-    """A message of an MCAP file.
-
-    Attributes:
-        topic: Its topic.
-        schema: Name of its schema.
-        log_ns: Time at which it was recorded.
-        message: The message, with its fields as attributes.
-    """
+    """A message of an MCAP file, with its fields as attributes, and the time at which it was recorded."""
 
     topic: str
     schema: str
@@ -127,11 +120,8 @@ def read_messages(path: Path, topics: list[str]) -> Iterator[DecodedMessage]:
 def check_clock(path: Path, topic: str) -> None:
     """Refuse a file whose clock was set back while it was recorded: nobody knows what belongs together.
 
-    Messages are read in the order of their times, which would mix those before with those behind.
-
-    Args:
-        path: The file.
-        topic: Topic whose messages are looked at, in the order of the file.
+    Messages are read in the order of their times, which would mix those before with those behind. The
+    messages of the topic are looked at in the order of the file.
 
     Raises:
         RecordingError: A message was recorded more than :data:`LONGEST_LATENCY_NS` before an earlier one.

@@ -66,11 +66,8 @@ def open_mcap(
 ) -> Recording:
     """Return the recording in an MCAP file.
 
-    Args:
-        path: The file.
-        topic: Topic of the images; None if only one has images.
-        odometry: Topic of the odometry; None if at most one has any, :data:`NONE` to leave it out.
-        wheels: Returns a reader of wheel angles.
+    The topic of the images may be None if only one has images, and that of the odometry if at most one has
+    any; :data:`NONE` leaves it out. ``wheels`` returns a reader of wheel angles.
 
     Raises:
         RecordingError: The file cannot be read, a topic is not in it, or which one is meant is not said.

@@ -26,15 +26,10 @@ def open_recording(
     rate_hz: float,
     latency_ns: int,
 ) -> Recording:
-    """Open a recording.
+    """Open an MCAP file, bag of ROS 2, run folder of a trial, film, picture, or folder of pictures.
 
-    Args:
-        path: MCAP file, bag of ROS 2, run folder of a trial, film, picture, or folder of pictures.
-        wheels: Returns a reader of wheel angles.
-        topic: Topic of the images; None if there is no choice.
-        odometry: Topic of the odometry, or ``none``; None if there is no choice.
-        rate_hz: Rate of pictures that have no times [Hz].
-        latency_ns: Latency of pictures that have no times of arrival.
+    Topics are None if there is no choice; ``none`` leaves odometry out. ``wheels`` returns a reader of wheel
+    angles. Rate and latency are those of pictures that have no times.
 
     Raises:
         MsrrError: There is nothing, or it cannot be read.

@@ -53,10 +53,6 @@ def random_walk(robot: RobotSpec, frame_period_s: float) -> MotionNoise:
 
     Its standard deviation over the time between two frames is the way at the largest speed, in every
     direction; so a robot that keeps to that speed stays within one.
-
-    Args:
-        robot: Its largest speeds.
-        frame_period_s: Time between two frames [s].
     """
     root = math.sqrt(frame_period_s)
     return MotionNoise(
@@ -70,11 +66,8 @@ def random_walk(robot: RobotSpec, frame_period_s: float) -> MotionNoise:
 class Perceiver:
     """Runs perception over a recording and records what it reads and estimates, as a trial does.
 
-    Attributes:
-        scene: Robot and target.
-        recorder: Gets all messages.
-        report: Called with the message about every picture that cannot be used.
-        motion: Motion that is assumed in the place of wheel readings; None if there are any.
+    ``report`` is called with the message about every picture that cannot be used. ``motion`` is assumed in
+    the place of wheel readings; None if there are any.
     """
 
     scene: Scene

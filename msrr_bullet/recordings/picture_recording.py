@@ -25,9 +25,7 @@ _LEAST_SHARE = 0.9
 def open_film(path: Path, latency_ns: int) -> Recording:
     """Return the recording that is a film; its frames say when they were taken.
 
-    Args:
-        path: The film.
-        latency_ns: Time from the exposure of a frame to its arrival.
+    The latency is the time from the exposure of a frame to its arrival.
 
     Raises:
         PictureError: The file is no film.
@@ -50,10 +48,7 @@ def open_film(path: Path, latency_ns: int) -> Recording:
 def open_pictures(path: Path, rate_hz: float, latency_ns: int) -> Recording:
     """Return the recording that is a folder of pictures, in the order of their names.
 
-    Args:
-        path: The folder, or a picture.
-        rate_hz: Pictures per second [Hz].
-        latency_ns: Time from the exposure of a frame to its arrival.
+    The path may be that of a single picture, and the latency is as for :func:`open_film`.
 
     Raises:
         PictureError: The folder cannot be read, or holds no picture.

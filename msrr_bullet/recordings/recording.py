@@ -22,13 +22,9 @@ class RecordingError(MsrrError):
 class RecordedFrame:
     """A picture of the camera.
 
-    Attributes:
-        name: Name of the picture, for messages.
-        stamp_ns: Time of exposure.
-        arrival_ns: Time at which it reached the computer.
-        decode: Returns the pixels, mono8 of shape (height, width), or raises a
-            :class:`~msrr_perception.photographs.picture_files.PictureError`.
-        number: Number of the frame.
+    It was exposed at ``stamp_ns`` and reached the computer at ``arrival_ns``. ``decode`` returns the pixels,
+    mono8 of shape (height, width), or raises a
+    :class:`~msrr_perception.photographs.picture_files.PictureError`.
     """
 
     name: str
@@ -133,10 +129,7 @@ def moments(items: Iterable[Item]) -> Iterator[Moment]:
     """Yield all that happens in the order of time: every frame twice, at its exposure and at its arrival.
 
     Perception chooses what to read of a frame by what is known when it is exposed, and uses the tags when
-    they arrive, as on the robot.
-
-    Args:
-        items: What a recording holds, in the order of arrival.
+    they arrive, as on the robot. The items are in the order of arrival.
 
     Raises:
         RecordingError: The recording is damaged from some item on; all that happened before was yielded.

@@ -171,11 +171,7 @@ class RecordingResult(BaseModel, frozen=True):
 class Tally:
     """Counts while a recording is read.
 
-    Attributes:
-        scene: Robot and target.
-        target_tags: Ids of the tags of the target.
-        unusable: Number of frames that could not be read.
-        cut_off: Whether the recording is damaged from some point on.
+    What it counts is as in :class:`RecordingResult`.
     """
 
     scene: Scene

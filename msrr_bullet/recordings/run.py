@@ -87,9 +87,6 @@ def perceive(
             damaged from some point on.
         observer: Called with what is known at every instant.
 
-    Returns:
-        The figures.
-
     Raises:
         MsrrError: The target or the recording cannot be used at all, or the folder cannot be written.
     """
@@ -178,12 +175,7 @@ _PERFECT = (
 
 
 def assumption(robot: RobotSpec, period_s: float) -> str:
-    """Return what is taken for granted of the motion where there is no odometry.
-
-    Args:
-        robot: Its largest speeds.
-        period_s: Time between two frames [s].
-    """
+    """Return what is taken for granted of the motion where there is no odometry."""
     return (
         f"no odometry: between frames, at {1.0 / period_s:.3g} Hz, the robot is taken to move at random by "
         f"about {1e3 * robot.speed_mps * period_s:.0f} mm in every direction, at {robot.speed_mps:g} m/s and "

@@ -37,10 +37,8 @@ T = TypeVar("T")
 def open_trial(path: Path, topic: str | None, odometry: bool = True) -> Recording:
     """Return the recording in the log of a trial: frames, wheels and decisions of one unit.
 
-    Args:
-        path: Log, or run folder.
-        topic: Topic of the exposures of its camera; None if the log has those of one unit.
-        odometry: Whether its wheel readings are used.
+    The path is that of the log or of the run folder. The topic is that of the exposures of the camera; None
+    if the log has those of one unit. Wheel readings are used only with ``odometry``.
 
     Raises:
         LogError: The log cannot be read.

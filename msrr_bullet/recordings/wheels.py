@@ -16,12 +16,9 @@ WHEELS, JOINT_STATE, ODOMETRY = "msrr.WheelOdometry", "sensor_msgs/msg/JointStat
 class WheelReader:
     """Reads the angles of both wheels from messages: ours, joint states, or a pose by odometry.
 
-    A pose is turned into the angles by which wheels without any slip would have driven there.
-
-    Attributes:
-        radius: Radius of the wheels [m].
-        track: Distance between the wheels [m].
-        joints: Joints of the left and the right wheel in joint states; None if others tell of them.
+    A pose is turned into the angles by which wheels without any slip would have driven there. The radius of
+    the wheels and the distance between them, ``track``, are in metres. ``joints`` are those of the left and
+    the right wheel in joint states; None if others tell of them.
     """
 
     radius: float

@@ -14,10 +14,9 @@ _BEHIND_M = 1e-3
 def hidden_points(points_C: Array, triangles_C: Array) -> Array:
     """Return which points have a surface between them and the camera, shape (N,), bool.
 
-    Args:
-        points_C: Points in front of the camera, in its optical frame C, shape (N, 3) [m].
-        triangles_C: Corners in C, counter-clockwise when seen from outside, shape (T, 3, 3) [m]. A surface
-            that is seen from within hides nothing, as in a picture.
+    Points, shape (N, 3), and corners of triangles, (T, 3, 3), are in its optical frame C [m]: the points in
+    front of it, the corners counter-clockwise when seen from outside. A surface that is seen from within
+    hides nothing, as in a picture.
     """
     if not len(points_C):
         return np.zeros(0, dtype=np.bool_)

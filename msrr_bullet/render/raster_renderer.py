@@ -28,11 +28,7 @@ class RasterRenderer:
     """
 
     def __init__(self, context: RenderContext) -> None:
-        """Draw the bodies of ``context.client``.
-
-        Args:
-            context: Client and floor; its ``samples`` are not used.
-        """
+        """Draw the bodies of ``context.client``; the number of samples of the context is not used."""
         self._client = context.client
         self._floor = context.floor
         self._bodies: LoadedBodies | None = None

@@ -48,11 +48,9 @@ class TinyRenderer:
     def __init__(self, context: RenderContext, floor: Literal["composited", "mesh"] = "composited") -> None:
         """Draw the bodies of ``context.client`` and make its infinite planes invisible.
 
-        Args:
-            context: Client, samples per pixel and floor.
-            floor: "composited" puts a homography of the floor's texture behind the bodies; "mesh" adds a
-                textured mesh to the client, as simulators usually do, to measure the difference and to check
-                one against the other (full frames take 2 to 6 times as long).
+        The floor "composited" is a homography of the floor's texture behind the bodies; "mesh" adds a
+        textured mesh to the client, as simulators usually do, to measure the difference and to check one
+        against the other (full frames take 2 to 6 times as long).
         """
         if floor not in ("composited", "mesh"):
             raise ParameterError({"floor": f"has to be 'composited' or 'mesh', found {floor!r:.40}"})
@@ -174,12 +172,8 @@ def window_projection(camera: PinholeCamera, window: Window, shift: Array) -> Ar
     """Return the OpenGL projection, shape (4, 4), by which TinyRenderer samples a window.
 
     TinyRenderer samples column i at i, not at i + 1/2, and counts rows from below, so that its principal
-    point is off by half a pixel. That is undone here.
-
-    Args:
-        camera: Intrinsics of the full frame.
-        window: Pixels that are drawn.
-        shift: Position of the sample in each pixel, from its centre, shape (2,) [px].
+    point is off by half a pixel. That is undone here. The camera is that of the full frame; ``shift`` is the
+    position of the sample in each pixel, from its centre, shape (2,) [px].
     """
     w, h = window.width, window.height
     # The principal point in pixels from the window's first sample, then in NDC.

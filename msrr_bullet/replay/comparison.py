@@ -127,11 +127,7 @@ COUNTS = tuple(name for name, field in ReplayReport.model_fields.items() if fiel
 
 
 class ReplayComparison:
-    """Collects the differences between the messages of a log and those of a replay.
-
-    Attributes:
-        mismatches: The differences so far.
-    """
+    """Collects the differences between the messages of a log and those of a replay."""
 
     def __init__(self) -> None:
         """Start without a difference."""
@@ -140,10 +136,7 @@ class ReplayComparison:
     def compare(self, what: str, record: LogRecord, replayed: object | None) -> bool:
         """Compare a message of a replay with a logged one; return whether they are equal, bit for bit.
 
-        Args:
-            what: Kind of the message, for the report.
-            record: The logged message.
-            replayed: The message of the replay; None when there is none.
+        The replay may have none. ``what`` is the kind of the message, for the report.
         """
         data = None if replayed is None else encoded(replayed)
         # Old logs write some messages in another form, so that only what was read can be compared.

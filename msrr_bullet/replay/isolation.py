@@ -23,9 +23,7 @@ SIMULATOR = ("pybullet", "pybullet_data", "pybullet_utils", "pybullet_envs")
 def replay_isolated(run: Path, *, trust: bool = False) -> ReplayReport:
     """Replay a run in a new process that cannot import the simulator.
 
-    Args:
-        run: Run folder or log file.
-        trust: Whether classes that the log names by their import paths may be built. That runs their code.
+    ``trust`` is whether classes that the log names by import paths may be built, which runs their code.
 
     Raises:
         ReplayError: The replay cannot be made; the message gives the reason.

@@ -20,10 +20,8 @@ AGENT = "msrr_bullet.gym:AgentController"
 def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool = False) -> ReplayReport:
     """Replay a run in this process.
 
-    Args:
-        run: Run folder or log file.
-        robot: Builds the robot of a step of a plan that units carry out on their own.
-        trust: Whether classes that the log names by their import paths may be built. That runs their code.
+    ``robot`` builds the robot of a step of a plan that units carry out on their own. ``trust`` is whether
+    classes that the log names by their import paths may be built, which runs their code.
 
     Raises:
         LogError: The log cannot be read, or its scene contradicts itself.

@@ -26,11 +26,7 @@ R = TypeVar("R", bound=ObservableRobot)
 
 
 class RecordedReader(Generic[Reader]):
-    """A program that reads cameras, whose exposures and windows are recorded.
-
-    Attributes:
-        program: The program.
-    """
+    """A program that reads cameras, whose exposures and windows are recorded."""
 
     def __init__(self, program: Reader, recorder: Recorder, now_ns: Callable[[], int]) -> None:
         """Bind a program to a recorder; ``now_ns`` returns the simulated time [ns]."""
@@ -61,14 +57,7 @@ class RecordedRobot(RecordedReader[R]):
     """A robot whose inputs, actions and estimates are recorded."""
 
     def __init__(self, robot: R, unit: str, recorder: Recorder, now_ns: Callable[[], int]) -> None:
-        """Bind the robot of a unit to a recorder.
-
-        Args:
-            robot: The robot.
-            unit: Name of the unit.
-            recorder: Gets the messages.
-            now_ns: Returns the simulated time [ns].
-        """
+        """Bind the robot of a unit to a recorder."""
         super().__init__(robot, recorder, now_ns)
         self._unit = unit
         self._estimates = Estimates()

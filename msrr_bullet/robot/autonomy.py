@@ -72,11 +72,8 @@ class Autonomy:
 
     From the scene it takes geometry, calibration, data sheets and the plan, never the poses of bodies. On its
     own it reads the pictures of the overhead camera itself; led by a base station it is given what the base
-    station reads, and the docks that others have made.
-
-    Attributes:
-        estimates: What the robot estimates and believes, as of its last decision.
-        guard: Collision monitor; None without an overhead camera.
+    station reads, and the docks that others have made. Without an overhead camera it has no collision
+    monitor, its ``guard``.
     """
 
     def __init__(
@@ -92,15 +89,10 @@ class Autonomy:
     ) -> None:
         """Set up the robot for one step.
 
-        Args:
-            scene: Geometry, data sheets and parameters.
-            step: The step.
-            profiler: Measures the time of the collision monitor.
-            guided: Long-distance phase of a unit that a base station leads; None for a unit on its own.
-            overhead: Knows where all bodies are, and is fed by others; None for a unit on its own, which
-                reads the pictures of the overhead camera itself.
-            docked: Whether the unit is docked already, and is to undock.
-            memory: What the unit has learned at earlier docks of the trial; None for a unit that docks once.
+        A unit that a base station leads has a long-distance phase, ``guided``, and ``overhead``, which knows
+        where all bodies are and is fed by others. A unit on its own has neither, and reads the pictures of
+        the overhead camera itself. One that is ``docked`` already is to undock. ``memory`` is what it has
+        learned at earlier docks of the trial; None for one that docks once.
 
         Raises:
             UnknownNameError: The scene names an unknown detector, estimator or controller.
@@ -164,8 +156,7 @@ class Autonomy:
     def undock(self, retreat_m: float) -> None:
         """Open the lock and back out of the port, from the next decision on.
 
-        Args:
-            retreat_m: Distance between the faces at which to stop [m].
+        It stops at the distance ``retreat_m`` between the faces.
 
         Raises:
             MsrrError: The unit has not docked, or it has undocked already.

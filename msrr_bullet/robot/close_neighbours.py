@@ -33,11 +33,9 @@ class CloseNeighbours:
     A docking unit passes them at some centimetres. It knows itself in D by its own camera, and them by their
     locks: far better than the overhead camera, whose tags were put on by hand, shows how near they are. Once
     its pins are in the holes it can only slide into its seat, and what it sees of itself tells nothing more:
-    the holes keep it farther from neighbours in their seats than the limits do.
-
-    Attributes:
-        limits: How near the unit may come to each of them [m], by name.
-        offset: Distance of the face of the unit's port ahead of its axle [m].
+    the holes keep it farther from neighbours in their seats than the limits do. ``limits`` are how near the
+    unit may come to each of them, by name, and ``offset`` is the distance of the face of the unit's port
+    ahead of its axle [m].
     """
 
     def __init__(
@@ -51,13 +49,9 @@ class CloseNeighbours:
     ) -> None:
         """Find the neighbours that the unit has to come nearer to than to other bodies.
 
-        Args:
-            scene: Source of the geometry.
-            model: Shapes of all bodies.
-            step: The step in which the unit docks.
-            joints: The other docks that are closed or may close meanwhile.
-            stop_m: Clearance that is kept from other bodies [m].
-            sigmas: Standard deviations by which the unit may be farther from its seat than it sees.
+        ``joints`` are the other docks that are closed or may close meanwhile, and ``stop_m`` is the clearance
+        that is kept from other bodies. The unit may be farther from its seat than it sees by ``sigmas``
+        standard deviations.
         """
         joints = tuple(joints)
         limits = neighbour_limits(scene, model, joints, step)
@@ -73,9 +67,8 @@ class CloseNeighbours:
     def in_dock_frame(self, arena: ArenaEstimate, by_sight: PoseEstimate) -> ArenaEstimate:
         """Return the unit and the neighbours in D that it could come too near to.
 
-        Args:
-            arena: Estimated poses in W, with that of the target.
-            by_sight: Pose of the unit in D by its own camera.
+        The arena has poses in W, with that of the target; ``by_sight`` is the pose of the unit in D by its
+        own camera.
         """
         assert arena.target is not None, "a unit that docks has a target"
         X_DW = (arena.target.X_WB @ self._X_TD).inverse()
@@ -95,10 +88,8 @@ class CloseNeighbours:
     def least_gap(self, neighbour: GlobalPose) -> float:
         """Return the smallest gap at which the unit could come too near to a neighbour [m].
 
-        With a smaller one the pins are in the holes, or no unit can be there.
-
-        Args:
-            neighbour: The neighbour, as :meth:`in_dock_frame` returns it.
+        With a smaller one the pins are in the holes, or no unit can be there. The neighbour is one that
+        :meth:`in_dock_frame` returns.
         """
         return self._setup.pin_reach if self._seats[neighbour.name] == neighbour.X_WB else 0.0
 

@@ -90,11 +90,8 @@ class CollisionMonitor:
     ) -> None:
         """Take shapes, limits and latencies from the scene; the poses of bodies are not used.
 
-        Args:
-            scene: The scene.
-            unit: Name of the unit.
-            step: The step in which it docks or leaves its port; None without a target.
-            joints: The other docks that are closed or may close meanwhile.
+        In the step the unit docks or leaves its port; there is none without a target. ``joints`` are the
+        other docks that are closed or may close meanwhile.
         """
         self._scene, self._step = scene, step
         self._spec = scene.control.guard
@@ -142,12 +139,9 @@ class CollisionMonitor:
     ) -> MonitorDecision:
         """Decide on one command; to be called for every command, in order of time.
 
-        Args:
-            twist: Command of the control law.
-            arena: Estimate of all bodies in the arena; None while there is none, and every command passes.
-            now_ns: Time of the command.
-            docking: Whether the target unit may be touched, which is then ignored.
-            by_sight: Pose of a unit that docks in the dock frame, by its own camera; None if it is not known.
+        While no body in the arena has an estimate, every command passes. The target unit may be touched, and
+        is ignored, by a unit that is ``docking``; ``by_sight`` is its pose in the dock frame, by its own
+        camera; None if it is not known.
         """
         self._trajectory.advance(now_ns)
         decision = self._decide(twist, arena, now_ns, docking, by_sight)

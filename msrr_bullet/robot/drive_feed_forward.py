@@ -13,10 +13,7 @@ class DriveFeedForward:
     def __init__(self, estimator: Estimator, track: float, enabled: bool = True) -> None:
         """Take what is known of the drive from an estimator; one of a user's own knows nothing.
 
-        Args:
-            estimator: Estimator of the unit.
-            track: Distance between the wheels as designed [m].
-            enabled: Whether commands are changed at all.
+        ``track`` is that of the drawing [m]. Commands are changed only if it is ``enabled``.
         """
         self._filter = estimator if enabled and isinstance(estimator, CornerEkf) else None
         self._half_track = 0.5 * track

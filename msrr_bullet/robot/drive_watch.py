@@ -35,11 +35,7 @@ _FREE = frozenset({Phase.ASSEMBLE, Phase.HAND_OVER})
 
 
 class DriveWatch:
-    """Compares commands with wheel encoders.
-
-    Attributes:
-        belief: That the drive has seized; None while nothing shows it.
-    """
+    """Compares commands with wheel encoders; ``belief`` is None while nothing shows a seized drive."""
 
     def __init__(self, geometry: UnitGeometry) -> None:
         """Begin with wheels that were never commanded to turn."""
@@ -58,11 +54,7 @@ class DriveWatch:
         self._waited_s, self._asked = 0.0, (0.0, 0.0)
 
     def judge(self, action: Action) -> Action:
-        """Return what is commanded until the next decision: the action, or to give up.
-
-        Args:
-            action: The decision of the program.
-        """
+        """Return what is commanded until the next decision: the action, or to give up."""
         v, turn = action.twist.v, 0.5 * self._track * action.twist.w
         self._rims = v - turn, v + turn
         self._is_to_move = action.phase in _FREE and max(map(abs, self._rims)) > _LEAST_MPS

@@ -31,9 +31,8 @@ R = TypeVar("R", bound=ObservableRobot)
 class FailSafeRobot(Generic[R]):
     """Runs a robot until its program fails. From then on it commands a standstill and knows nothing.
 
-    Attributes:
-        estimates: What the robot estimated and believed at its last decision; nothing once it has failed.
-        failure: Error with which the program failed; None while it runs.
+    ``estimates`` are those of the last decision, and none once the program has failed; ``failure`` is its
+    error, None while it runs.
     """
 
     def __init__(self, build: Callable[[], R]) -> None:
@@ -96,10 +95,7 @@ class FailSafeLedRobot(FailSafeRobot[LedRobot]):
     def __init__(self, unit: str, build: Callable[[], LedRobot], docked_to: str | None = None) -> None:
         """Build the robot of a unit; one that cannot be built for a failure of its program stands still.
 
-        Args:
-            unit: Name of the unit.
-            build: Builds the robot.
-            docked_to: Port into which the unit is locked at the start; None if it is free.
+        The unit is locked into the port ``docked_to`` at the start, or is free.
         """
         self._unit, self.docked_to = unit, docked_to
         self.route = 0

@@ -52,14 +52,7 @@ class GuidedUnit:
     def __init__(
         self, scene: Scene, unit: str, docked_to: str | None = None, profiler: Profiler | None = None
     ) -> None:
-        """Begin on standby.
-
-        Args:
-            scene: Geometry, data sheets and parameters.
-            unit: Name of the unit.
-            docked_to: Port into which it is locked at the start; None if it is free.
-            profiler: Measures the time of the collision monitor.
-        """
+        """Begin on standby, locked into the port ``docked_to`` or free."""
         self._unit, self._programs = unit, UnitPrograms(scene, unit, profiler)
         self._newest: Authority | None = None  # of the present route, or of one that has yet to begin
         self._authority: Authority | None = None  # newest of the present route

@@ -46,11 +46,7 @@ class Estimates(NamedTuple):
     belief: Belief = Belief()
 
     def messages(self, last: Estimates) -> Iterator[object]:
-        """Yield what a log holds of this decision: all that is known, and the path if it is a new one.
-
-        Args:
-            last: The estimates of the decision before.
-        """
+        """Yield what a log holds of this decision: all that is known, and the path if it is a new one."""
         for message in self:
             if message is not None and message is not last.path:
                 yield message

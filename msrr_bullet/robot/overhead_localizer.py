@@ -43,8 +43,7 @@ STANDING_PERIOD_S = 0.1
 class OverheadLocalizer:
     """Estimator of what the overhead camera sees, for one unit.
 
-    Attributes:
-        newest_ns: Exposure time of the newest measurement that has arrived; None before the first.
+    ``newest_ns`` is the exposure time of the newest measurement that has arrived; None before the first.
     """
 
     def __init__(
@@ -57,13 +56,9 @@ class OverheadLocalizer:
     ) -> None:
         """Set up for a scene that has an overhead camera.
 
-        Args:
-            scene: Calibration, data sheets and tags.
-            unit: Name of the unit.
-            drive: Calibration of its drive.
-            step: The step in which it docks; None for a unit that drives without a target.
-            standing_period_s: Period with which the pose of a body that stands is given anew [s]; 0: whenever
-                it is asked for.
+        The step is the one in which the unit docks; None for a unit that drives without a target. The pose of
+        a body that stands is given anew with the period ``standing_period_s``, or whenever it is asked for if
+        that is 0.
 
         Raises:
             SceneError: The scene has no overhead camera, or a unit of the step has no tag for it.
@@ -87,11 +82,7 @@ class OverheadLocalizer:
         return self._model.place_sigma(self._unit, box)
 
     def aim(self, step: DockStep | None) -> None:
-        """Take another target; nothing that has been seen is forgotten.
-
-        Args:
-            step: The step in which the unit docks; None for a way without a target.
-        """
+        """Take the target of another step, or none; nothing that has been seen is forgotten."""
         if step is None:
             self._estimator.aim(None, None)
         else:
@@ -125,10 +116,8 @@ class OverheadLocalizer:
     def estimate(self, now_ns: int, own: PoseEstimate | None) -> ArenaEstimate | None:
         """Return the estimated poses of all bodies; None before the unit and its target are known.
 
-        Args:
-            now_ns: Time of the estimate.
-            own: Estimate of the unit in the dock frame by the onboard camera, which replaces that by the
-                overhead camera; None to use the latter.
+        ``own`` is the estimate of the unit in the dock frame by the onboard camera, which replaces that by
+        the overhead camera; None to use the latter.
         """
         return self._estimator.estimate(now_ns, own)
 

@@ -41,13 +41,10 @@ class PortMap(LocalMap):
     ) -> None:
         """Collect the estimates.
 
-        Args:
-            model: Shapes of all bodies.
-            arena: Estimated poses of the unit and of the neighbours in D.
-            reaches: Largest distance of the footprint of every body from the origin of the body [m].
-            sigmas: Standard deviations by which poses may be wrong.
-            offset: Distance of the face of the unit's port ahead of its axle [m].
-            least_gaps: Smallest gap at which a neighbour matters [m], by the name of each of them.
+        Poses of the arena are in D, and may be wrong by ``sigmas`` standard deviations. ``reaches`` are the
+        largest distances of the footprints from the origins of their bodies, ``offset`` is that of the face
+        of the unit's port ahead of its axle, and ``least_gaps`` are the smallest gaps at which each neighbour
+        matters [m].
         """
         super().__init__(model, arena, reaches, least_gaps)
         self._doubt, self._offset, self._least_gaps = sigmas, offset, least_gaps
@@ -100,14 +97,9 @@ def _least_change(
 
     It is at the point of the ellipsoid where the function is least, or else on the plane, where the ellipsoid
     is that of the conditional distribution. Where the ellipsoid ends before the plane, it is at the point of
-    the plane that is most likely.
-
-    Args:
-        variance: Variance of the function.
-        covariance: Its covariance with the quantity that the plane limits.
-        variance_of_limited: Variance of that quantity.
-        at_least: Smallest change of that quantity that is possible.
-        sigmas: Size of the ellipsoid.
+    the plane that is most likely. ``variance`` is that of the function, and ``covariance`` that of the
+    function and the quantity that the plane limits, which changes by ``at_least``. ``sigmas`` is the size of
+    the ellipsoid.
     """
     sigma = math.sqrt(variance)
     if -sigmas * covariance >= at_least * sigma:

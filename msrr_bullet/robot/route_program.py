@@ -26,10 +26,7 @@ from msrr_scenes.specs.scene import Scene
 class RouteProgram:
     """Drives one granted route to its end.
 
-    Attributes:
-        phase: ``assemble`` on the way, ``done`` at its end, ``failed`` after giving up.
-        guard: Collision monitor.
-        estimates: What the unit estimates and says of its way, as of its last decision.
+    ``phase`` is ``assemble`` on the way, ``done`` at its end, and ``failed`` after giving up.
     """
 
     def __init__(
@@ -40,15 +37,7 @@ class RouteProgram:
         overhead: OverheadLocalizer,
         profiler: Profiler | None = None,
     ) -> None:
-        """Set up for one route.
-
-        Args:
-            scene: Geometry, data sheets and parameters.
-            unit: Name of the unit.
-            guided: Drives the route.
-            overhead: Knows where all bodies are; it is fed by others.
-            profiler: Measures the time of the collision monitor.
-        """
+        """Set up for one route; ``overhead`` knows where all bodies are, and is fed by others."""
         geometry = scene.geometry(unit)
         self._unit, self._guided, self._overhead = unit, guided, overhead
         self.guard = CollisionMonitor(scene, unit)

@@ -40,10 +40,9 @@ _MAX_TIME_S = 5.0
 class LocalMap:
     """The estimated bodies around one unit at one instant.
 
-    Attributes:
-        reach: Largest distance of the footprint of the unit from the origin of U [m].
-        sigmas: For every other body, the standard deviation of the distance between it and the unit, if they
-            are near each other [m].
+    ``reach`` is the largest distance of the footprint of the unit from the origin of U, and ``sigmas`` are
+    the standard deviations of the distances between the unit and every other body, if they are near each
+    other [m].
     """
 
     def __init__(
@@ -56,12 +55,9 @@ class LocalMap:
     ) -> None:
         """Collect the estimates.
 
-        Args:
-            model: Shapes of all bodies.
-            arena: Estimated poses of all bodies.
-            reaches: Largest distance of the footprint of every body from the origin of the body [m].
-            names: Names of the bodies that belong to the map.
-            intents: Where bodies of the map that drive would still come.
+        ``reaches`` are the largest distances of the footprints from the origins of their bodies [m].
+        ``names`` are those of the bodies on the map, and ``intents`` is where those that drive would still
+        come.
         """
         self._model = model
         self._own = arena.own.name
@@ -169,12 +165,7 @@ class StoppingTrajectory:
     ) -> float:
         """Return the smallest clearance along the trajectory of a command [m].
 
-        Args:
-            command: The command.
-            X_WU: Present pose of the unit.
-            present: Present clearance of the unit [m].
-            local_map: The bodies around the unit.
-            threshold: Clearance above which the exact value does not matter [m].
+        The clearance of the unit is ``present``, and the exact value does not matter above ``threshold`` [m].
         """
         if present - self.max_travel(command, local_map.reach) >= threshold:
             return present
@@ -193,9 +184,7 @@ class StoppingTrajectory:
     def stopping_poses(self, X_WU: SE2, reach: float) -> list[SE2]:
         """Return poses that a unit at ``X_WU`` would pass if it stopped now, about 5 cm apart; none at rest.
 
-        Args:
-            X_WU: Present pose of the unit.
-            reach: Largest distance of its footprint from the origin of U [m].
+        ``reach`` is the largest distance of its footprint from the origin of U [m].
         """
         poses: list[SE2] = []
         travel, last = 0.0, SE2()

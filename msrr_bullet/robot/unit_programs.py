@@ -21,18 +21,11 @@ from msrr_scenes.specs.scene import Scene
 class UnitPrograms:
     """Builds the programs of one unit, which share what it learns about itself at its docks.
 
-    Attributes:
-        overhead: Knows where all bodies are, from one program to the next; whoever leads the unit feeds it.
+    ``overhead`` knows where all bodies are, from one program to the next; whoever leads the unit feeds it.
     """
 
     def __init__(self, scene: Scene, unit: str, profiler: Profiler | None = None) -> None:
-        """Build nothing yet.
-
-        Args:
-            scene: Geometry, data sheets and parameters.
-            unit: Name of the unit.
-            profiler: Measures the time of the collision monitor.
-        """
+        """Build nothing yet."""
         self._scene, self._unit, self._profiler = scene, unit, profiler
         drive = TargetModel.without_target(scene, unit, ACTIVE_PORT)
         self.overhead = OverheadLocalizer(scene, unit, drive)

@@ -37,11 +37,6 @@ class OnboardSight:
     def __init__(self, scene: Scene, built: AsBuilt, step: DockStep) -> None:
         """Prepare the true and the told geometry of a step.
 
-        Args:
-            scene: The scene.
-            built: What is not as the scene says.
-            step: Step of the plan: which port docks to which.
-
         Raises:
             GeometryError: The lens that was built has no inverse in the frame.
         """
@@ -58,11 +53,8 @@ class OnboardSight:
     def see(self, X_DU: SE2) -> tuple[SE2 | None, Bearings]:
         """Return the pose that the robot computes and the bearings (left, right) that it measures [rad].
 
-        Args:
-            X_DU: True pose of the unit in the dock frame.
-
-        Returns:
-            The pose, or None if no tag of the port is in view as a whole; None for an edge out of view.
+        ``X_DU`` is the true pose. None stands for the pose if no tag of the port is in view as a whole, and
+        for an edge out of view.
         """
         X_CD = self._X_CU @ SE3.from_se2(X_DU.inverse())
         tags = self._camera.tags(self._told.lens, X_CD, self._corners_D)
@@ -81,11 +73,7 @@ class OverheadSight:
     """The sight of all bodies by the overhead camera."""
 
     def __init__(self, scene: Scene, built: AsBuilt) -> None:
-        """Prepare the true and the told geometry.
-
-        Args:
-            scene: The scene, with an overhead camera.
-            built: What is not as the scene says.
+        """Prepare the true and the told geometry of a scene with an overhead camera.
 
         Raises:
             GeometryError: The lens that was built has no inverse in the frame.

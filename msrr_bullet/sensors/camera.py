@@ -32,13 +32,8 @@ class Camera:
     """A camera of the simulated world.
 
     An exposure takes the pose; the pixels of a window are rendered when the window is fetched. This has to
-    happen before the next physics tick, because the renderer sees the present state of the world.
-
-    Attributes:
-        name: Name of the camera.
-        spec: Data sheet of the camera.
-        pinhole: True intrinsics.
-        frames: Clock, losses and latency.
+    happen before the next physics tick, because the renderer sees the present state of the world. ``pinhole``
+    has the true intrinsics, and ``frames`` clock, losses and latency.
     """
 
     def __init__(
@@ -54,16 +49,11 @@ class Camera:
     ) -> None:
         """Set up a camera.
 
-        Args:
-            name: Name of the camera, as in :class:`~msrr_scenes.messages.Exposure`.
-            spec: Optics, noise, blur and dropout of the camera.
-            renderer: Renders the noise-free pixels; an :class:`ExposureRenderer` if the lens distorts, or if
-                ``motion`` is given and the shutter takes time.
-            pose: Returns the true ``X_WC`` at the instant of exposure.
-            seed: Seed of the trial; noise and dropout use separate random streams.
-            faults: Faults of the scene; blackouts of other cameras are ignored.
-            built: True intrinsics, lens and clock; None if they are those of ``spec``.
-            motion: Returns how camera and bodies move at the instant of exposure; None if nothing moves.
+        If the lens distorts, or the shutter takes time and ``motion`` is given, the renderer has to be an
+        :class:`ExposureRenderer`. ``pose`` returns the true ``X_WC`` at the instant of exposure, and
+        ``motion`` how camera and bodies move then; None if nothing moves. Noise and dropout use separate
+        random streams of the seed, and blackouts of other cameras are ignored. ``built`` has the true
+        intrinsics, lens and clock; None if they are those of ``spec``.
 
         Raises:
             SceneError: The renderer has to be an :class:`ExposureRenderer`, and it is none.

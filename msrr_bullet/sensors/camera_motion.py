@@ -80,10 +80,6 @@ class CameraMotion:
 
         It is taken at the corners of the tags that face the camera, and for what is far away in the middle
         of the image.
-
-        Args:
-            camera: Intrinsics.
-            X_WC: Pose of the camera.
         """
         own = self.bodies.get(self.carrier) if self.carrier is not None else None
         fastest = 0.0 if own is None else camera.focal * float(np.linalg.norm(own.w_W @ X_WC.R[:, :2]))
@@ -110,12 +106,7 @@ class MotionSensor:
     """Reads from a simulation with images how a camera and all bodies move."""
 
     def __init__(self, simulation: Simulation, carrier: str | None) -> None:
-        """Observe a camera.
-
-        Args:
-            simulation: True state of the trial.
-            carrier: Unit that carries the camera; None for a camera that stands.
-        """
+        """Observe a camera that is carried by a unit, or stands."""
         self._simulation = simulation
         self._carrier = carrier
         self._shown: tuple[str, ...] | None = None  # bodies whose tags there are; obstacles may appear

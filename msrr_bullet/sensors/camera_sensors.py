@@ -12,14 +12,7 @@ from msrr_scenes.messages import Detections, Localisation, Pixels, SensorMessage
 
 
 class RenderedCameraSensor:
-    """A rendered camera, whose pixels a program reads.
-
-    Attributes:
-        camera: The camera.
-        name: Its name.
-        spec: Its data sheet.
-        frames: Its clock, losses and latency.
-    """
+    """A rendered camera, whose pixels a program reads."""
 
     def __init__(
         self,
@@ -29,10 +22,7 @@ class RenderedCameraSensor:
     ) -> None:
         """Let a program read the frames of a camera.
 
-        Args:
-            camera: The rendered camera.
-            profiler: Measures the time of rendering and of perception.
-            error_model: Adds the errors of a global localisation to detections; None adds none.
+        ``error_model`` adds the errors of a global localisation to detections; None adds none.
         """
         self.camera = camera
         self.name, self.spec, self.frames = camera.name, camera.spec, camera.frames

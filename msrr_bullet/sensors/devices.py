@@ -42,11 +42,7 @@ class Devices:
     """The devices of a trial, which keep their state from one step of the plan to the next.
 
     Encoders go on counting, frames are numbered through and no sequence of random numbers starts again.
-
-    Attributes:
-        encoders: Wheel encoders by unit.
-        links: Command links by unit.
-        radio: Radio between the base station and the units; None without a base station.
+    Encoders and links are by unit; there is no radio without a base station.
     """
 
     def __init__(self, simulation: Simulation, seed: int) -> None:
@@ -77,10 +73,7 @@ class Devices:
     def cameras(self, step: DockStep, X_DU: Callable[[], SE2], profiler: Profiler) -> list[CameraSensor]:
         """Return the cameras of a unit on its own: overhead, if the scene has one, and onboard.
 
-        Args:
-            step: The step of the plan.
-            X_DU: Returns the true pose of the docking unit in the dock frame.
-            profiler: Measures the time of rendering and of perception.
+        ``X_DU`` returns the true pose of the docking unit in the dock frame.
         """
         onboard = self.onboard(step, X_DU, profiler)
         if self._simulation.scene.cameras.overhead is None:

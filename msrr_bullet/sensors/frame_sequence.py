@@ -23,12 +23,9 @@ class FrameSequence:
     ) -> None:
         """Start with frame 0.
 
-        Args:
-            camera: Name of the camera, as in :class:`~msrr_scenes.messages.Exposure`.
-            spec: Data sheet of the camera: probability that a frame is lost, and latency.
-            built: Offset of the clock, and largest delay beyond the latency; smaller ones are as likely.
-            seed: Seed of the trial; loss and jitter use separate random streams.
-            faults: Faults of the scene; blackouts of other cameras are ignored.
+        ``spec`` has the latency and how likely a frame is lost, ``built`` the offset of the clock and the
+        largest delay beyond the latency; smaller ones are as likely. Loss and jitter use separate random
+        streams of the seed, and blackouts of other cameras are ignored.
         """
         self._camera, self._built = camera, built
         self._dropout = spec.dropout

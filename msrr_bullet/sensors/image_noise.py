@@ -50,12 +50,10 @@ class ImageNoise:
     ) -> None:
         """Set up the noise of a camera.
 
-        Args:
-            key: Number of up to 128 bits, derived from the seed and the name of the camera.
-            blur_px: Standard deviation of the lens blur [px]; 0 is a perfect lens.
-            noise_grey: Standard deviation of the read noise [grey levels]; 0 is a perfect sensor.
-            shot_grey: Standard deviation of the shot noise at white, 255 [grey levels].
-            response: Shading before the noise, and gain and tone curve behind it; None if there is none.
+        The key has up to 128 bits and is derived from the seed and the name of the camera. Standard
+        deviations are those of the lens blur [px], of the read noise, and of the shot noise at white, 255
+        [grey levels]; 0 is a perfect lens or sensor. The response shades before the noise, and has its gain
+        and tone curve behind it.
         """
         self._key = key.to_bytes(16, "little")
         self._kernel = blur_kernel(blur_px)
@@ -76,10 +74,7 @@ class ImageNoise:
     def read_out(self, ideal: Pixels, window: Window, frame: int) -> Pixels:
         """Return the pixels of ``window`` of frame number ``frame`` with blur and noise.
 
-        Args:
-            ideal: Noise-free pixels of ``window.padded(self.margin)``.
-            window: The window in the full frame.
-            frame: Number of the frame.
+        ``ideal`` are the noise-free pixels of ``window.padded(self.margin)``.
 
         Raises:
             ValueError: The shape of ``ideal`` is not that of the padded window.
@@ -109,13 +104,10 @@ class ImageNoise:
 
 
 def blur_kernel(sigma: float) -> NDArray[np.float32]:
-    """Return the one-dimensional blur kernel, shape (2 r + 1,), whole numbers that sum to 256.
+    """Return the kernel of a blur of ``sigma`` [px], shape (2 r + 1,), whole numbers that sum to 256.
 
     It is the discrete Gaussian (Lindeberg, Scale-space for discrete signals, PAMI 1990), whose variance is
     sigma**2 at any sigma; a sampled Gaussian of 0.4 px blurs by only 0.28 px.
-
-    Args:
-        sigma: Standard deviation [px].
     """
     angle = 2.0 * np.pi * np.arange(129) / 256.0
     half = np.rint(_KERNEL_SUM * np.fft.irfft(np.exp(sigma**2 * (np.cos(angle) - 1.0)))[:128])

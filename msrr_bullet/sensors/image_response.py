@@ -37,9 +37,7 @@ class ImageResponse:
     def __init__(self, spec: CameraSpec, pinhole: PinholeCamera) -> None:
         """Prepare the tone curve.
 
-        Args:
-            spec: Data sheet of the camera.
-            pinhole: True intrinsics; vignetting is centred on the principal point.
+        Vignetting is centred on the principal point of the true intrinsics.
         """
         self.shading = None
         if spec.vignetting > 0.0 or spec.light_gradient > 0.0:
@@ -75,9 +73,8 @@ def whole_blocks(window: Window, frame: Window) -> Window:
 def jpeg_round_trip(pixels: Pixels, quality: int) -> Pixels:
     """Return mono8 pixels after compression and decompression.
 
-    Args:
-        pixels: Pixels of a window of :func:`whole_blocks`, shape (height, width).
-        quality: Quality of libjpeg, 1 to 100.
+    They are those of a window of :func:`whole_blocks`, shape (height, width); the quality is that of libjpeg,
+    1 to 100.
     """
     coded = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
     decoded: Pixels = np.asarray(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)

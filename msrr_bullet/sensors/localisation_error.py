@@ -26,9 +26,7 @@ class LocalisationError:
     def __init__(self, spec: LocalisationErrorSpec, seed: int) -> None:
         """Start with a drift of zero at the first exposure.
 
-        Args:
-            spec: Sizes of the errors.
-            seed: Seed of the trial; the errors are drawn from the stream ``camera/overhead/localisation``.
+        The errors are drawn from the stream ``camera/overhead/localisation``.
         """
         self._spec = spec
         self._rng = stream(seed, f"camera/{OVERHEAD}/localisation")
@@ -38,12 +36,8 @@ class LocalisationError:
     def apply(self, detections: Detections, model: OverheadModel, own: str) -> Detections:
         """Return detections of the overhead camera with moved tags, and without those that drop out.
 
-        Exposures have to come in order of time. Tags that belong to no body are not changed.
-
-        Args:
-            detections: Tags that were detected in one exposure.
-            model: Camera, tags and bodies.
-            own: Docking unit, which alone has bias and drift.
+        Exposures have to come in order of time. Tags that belong to no body are not changed. The docking
+        unit, ``own``, alone has bias and drift.
         """
         errors, dropped_tags = self._draw(detections.exposure.stamp_ns, model, own)
         tags = tuple(

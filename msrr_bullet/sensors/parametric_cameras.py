@@ -46,13 +46,9 @@ class ParametricOnboardCamera:
     ) -> None:
         """Measure the docking unit of ``step`` in the dock frame of the target.
 
-        Args:
-            scene: The scene; ``scene.parametric`` states the errors.
-            step: The step of the plan.
-            X_DU: Returns the true pose of the docking unit in the dock frame.
-            rng: Generator of the measurement errors, used by no other object.
-            frames: Clock, losses and latency of this camera.
-            sight: What the robot makes of what was built; None if all is as designed.
+        ``scene.parametric`` states the errors; no other object uses ``rng``, of which they are drawn.
+        ``X_DU`` returns the true pose. ``sight`` is what the robot makes of what was built; None if all is as
+        designed.
         """
         self.name = onboard_camera(step.unit)
         self.spec: CameraSpec = scene.cameras.onboard
@@ -113,13 +109,8 @@ class ParametricOverheadCamera:
     ) -> None:
         """Measure every body that stands in the world and has a tag, as the detector of the camera does.
 
-        Args:
-            scene: The scene; ``scene.parametric`` states the errors.
-            spec: Data sheet of the camera.
-            poses: Returns the true ``X_WB`` of every body that stands in the world now.
-            rng: Generator of the measurement errors, used by no other object.
-            frames: Clock, losses and latency of this camera.
-            sight: What the robot makes of what was built; None if all is as designed.
+        ``poses`` returns the true ``X_WB`` of these bodies; all else is as for
+        :class:`ParametricOnboardCamera`.
         """
         self.name = OVERHEAD
         self.spec = spec

@@ -26,9 +26,7 @@ from msrr_scenes.temporary_files import room_for
 def prepare_cameras(scene: Scene, announce: Callable[[str], None]) -> None:
     """Compile the kernels that perception and the cameras of ``scene`` need, unless they are on disk already.
 
-    Args:
-        scene: Scene whose cameras name the renderers.
-        announce: Called with a message before a compilation begins.
+    ``announce`` is called with a message before a compilation begins.
 
     Raises:
         NoRoomError: The folder in which they are stored is full.

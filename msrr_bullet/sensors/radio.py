@@ -16,21 +16,12 @@ M = TypeVar("M")
 
 
 class RadioLink(Generic[M]):
-    """One direction of the radio for one unit.
-
-    Attributes:
-        sent: Number of messages sent.
-        lost: Number of messages lost.
-    """
+    """One direction of the radio for one unit, which counts the messages sent and those lost of them."""
 
     def __init__(self, spec: RadioSpec, unit: str, rng: np.random.Generator, under_way: Delayed[M]) -> None:
         """Draw losses and delays from ``rng``, which no other object uses.
 
-        Args:
-            spec: Quality of the radio.
-            unit: Name of the unit.
-            rng: Random numbers.
-            under_way: Gets the messages that are not lost.
+        Messages that are not lost are put into ``under_way``.
         """
         self._spec, self._rng = spec, rng
         self._latency_ns = duration_ns(1e-3 * spec.latency_ms)
@@ -50,12 +41,7 @@ class RadioLink(Generic[M]):
 
 
 class Radio:
-    """All links of a trial.
-
-    Attributes:
-        to_units: Link from the base station to each unit.
-        from_units: Link from each unit to the base station.
-    """
+    """All links of a trial."""
 
     def __init__(self, spec: RadioSpec, units: tuple[str, ...], seed: int) -> None:
         """Draw from the streams ``radio/<unit>/down`` and ``radio/<unit>/up``."""

@@ -20,11 +20,7 @@ def duration_ns(time_s: float) -> int:
 
 
 class Periodic:
-    """A periodic event of any rate; it happens at the first tick at or after each due time k / rate.
-
-    Attributes:
-        next_ns: Time at which it is due next [ns].
-    """
+    """A periodic event of any rate; it happens at the first tick at or after each due time k / rate."""
 
     def __init__(self, rate_hz: float, start_ns: int = 0) -> None:
         """Start at ``start_ns``, when the first event is due."""
@@ -47,11 +43,7 @@ class Periodic:
 
 
 class Delayed(Generic[T]):
-    """A queue of messages with times of arrival; messages that arrive together keep the order of sending.
-
-    Attributes:
-        next_ns: Time at which the next message arrives [ns].
-    """
+    """A queue of messages with times of arrival; messages that arrive together keep the order of sending."""
 
     def __init__(self) -> None:
         self._heap: list[tuple[int, int, T]] = []

@@ -32,12 +32,7 @@ CameraSensor = RenderedCameraSensor | ParametricOnboardCamera | ParametricOverhe
 
 
 class MountedCamera:
-    """A camera together with its frame timer and its latency queue.
-
-    Attributes:
-        sensor: The camera.
-        next_ns: Time at which the next frame is due or the next message arrives [ns].
-    """
+    """A camera, its frame timer and its latency queue; ``next_ns`` is when one of the two is due."""
 
     def __init__(self, sensor: CameraSensor, now_ns: int) -> None:
         """Start now; the first frame is due at once."""
@@ -65,9 +60,8 @@ class MountedCamera:
 class SensorSuite:
     """All sensors of one unit.
 
-    Attributes:
-        ever_detected: Whether any measurement of the target has arrived.
-        next_ns: Time at which the next measurement is due or the next message arrives [ns].
+    ``ever_detected`` is whether any measurement of the target has arrived; at ``next_ns`` the next
+    measurement is due or the next message arrives.
     """
 
     def __init__(
@@ -82,14 +76,9 @@ class SensorSuite:
     ) -> None:
         """Start all sensors of a unit now.
 
-        Args:
-            scene: Rates, faults and the tags of the target.
-            unit: Name of the unit.
-            step: The step in which it docks or undocks; None without a target.
-            plant: Source of the true motor angles, switches and lock positions.
-            encoders: Wheel encoders of the unit.
-            cameras: Cameras that the unit can read.
-            profiler: Measures the time of the odometry and of perception.
+        The scene has rates, faults and the tags of the target; the step is None without one. True motor
+        angles, switches and lock positions are those of the plant, and the cameras are those that the unit
+        can read.
         """
         now_ns = plant.now_ns()
         self._unit = unit

@@ -39,10 +39,8 @@ _LEAST_SHIFT_PX = 0.1
 class PartialExposure:
     """What one instant adds to a window.
 
-    Attributes:
-        rows: The part of the window that collects light then, all its columns wide.
-        instant: The instant.
-        weights: Share of the instant in each of the rows, shape (height,).
+    ``rows`` is the part of the window that collects light then, all its columns wide, and ``weights`` the
+    share of the instant in each of the rows, shape (height,).
     """
 
     rows: Window
@@ -75,12 +73,8 @@ class Shutter:
         """Yield the instants that a window is the mean of, in their order.
 
         Instants and weights depend on the frame and on rows of the full frame alone; so a window is the crop
-        of the frame.
-
-        Args:
-            window: Any rectangle, inside or outside the frame.
-            X_WC: Pose of the camera at the time of the stamp.
-            motion: Velocities at the time of the stamp.
+        of the frame. The window is any rectangle, inside or outside the frame; pose and velocities are those
+        at the time of the stamp.
         """
         if self._measured is None or self._measured[0] is not motion:
             self._measured = motion, motion.image_speed(self._pinhole, X_WC)
@@ -117,12 +111,9 @@ def cells_of_smear(smear: float, blur_px: float, rolls: bool) -> int:
     instants is off by at most a share ``smear / (8 n^2)`` of the contrast, where the ramp begins or ends in
     the middle of a cell. A lens that blurs rounds the ramp: its slope changes by at most
     ``1 / (sqrt(2 pi e) blur^2)`` per pixel, and the midpoint rule is off by at most 1 / 24 of that times the
-    square of the cell. Where a row's exposure begins within a cell it is off by twice as much.
-
-    Args:
-        smear: Motion of the image during the exposure [px].
-        blur_px: Standard deviation of the Gaussian blur of the lens [px].
-        rolls: Whether exposures of rows begin within cells.
+    square of the cell. Where a row's exposure begins within a cell it is off by twice as much. ``smear`` is
+    the motion of the image during the exposure, and ``blur_px`` the standard deviation of the Gaussian blur
+    of the lens [px]. Exposures of rows begin within cells if the shutter ``rolls``.
     """
     sharp = math.sqrt(smear / (8.0 * _EDGE_ERROR))
     share = (12.0 if rolls else 24.0) * math.sqrt(2.0 * math.pi * math.e) * _EDGE_ERROR

@@ -18,10 +18,8 @@ class WheelEncoders:
 
     The robot does not know the radius of a wheel exactly: the angle is measured too large or too small by a
     factor that is drawn once per trial. A random walk is added whose variance grows with the angle turned,
-    forwards or backwards. The reading is quantised last.
-
-    Attributes:
-        scale: Measured over true angle of the left and the right wheel.
+    forwards or backwards. The reading is quantised last. ``scale`` is the measured over the true angle of the
+    left and the right wheel.
     """
 
     def __init__(
@@ -33,11 +31,8 @@ class WheelEncoders:
     ) -> None:
         """Draw the scale errors.
 
-        Args:
-            unit: Name of the unit, for the messages.
-            spec: Resolution, scale error and noise.
-            rng: Generator of the stream ``unit/<name>/odometry``, used by no other object.
-            stuck_from_ns: Time from which on the reading of the left and of the right wheel stays the same.
+        No other object uses ``rng``, of the stream ``unit/<name>/odometry``. From ``stuck_from_ns`` on the
+        reading of the left and of the right wheel stays the same.
         """
         self._unit = unit
         self._tick, self._noise_rad = 2.0 * math.pi / spec.ticks_per_turn, spec.noise_rad

@@ -36,11 +36,8 @@ def build(
 ) -> None:
     """Change a URDF, in place, to what was built; one that is as designed is not touched.
 
-    Args:
-        tree: The URDF, not welded yet, with or without the plates of tags.
-        drawn: Its geometry.
-        built: The unit as it was built.
-        plate_sizes: Edge of the plate of every tag that can be seen [m], by link.
+    It is not welded yet, and has the plates of tags or not; ``plate_sizes`` are the edges of those that can
+    be seen, by link [m].
     """
     robot = tree.getroot()
     moved = [slot for slot in drawn.tag_slots if built.geometry.frame(slot) is not drawn.frame(slot)]
@@ -80,12 +77,8 @@ class _Walls:
         """Set shapes behind a tag back to where the tag is not inside them.
 
         A tag that was put on deeper than designed is not inside the wall that carries it; the wall is deeper,
-        too. A box is cut; one that is too thin, or a cylinder, moves.
-
-        Args:
-            slot: Link of the tag.
-            X_UX: True pose of the tag.
-            half: Half the edge of its plate [m].
+        too. A box is cut; one that is too thin, or a cylinder, moves. ``X_UX`` is the true pose of the tag,
+        and ``half`` half the edge of its plate [m].
         """
         X_TU, X_XU = self._drawn.frame(slot).inverse(), X_UX.inverse()
         behind = _behind(*_extents(self._drawn, slot), half)
@@ -151,11 +144,8 @@ def _behind(lowest: Array, highest: Array, half: float) -> NDArray[np.bool_]:
 def _set_back(shape: Element, solid: Solid, back_U: Array, missing: float) -> Array:
     """Cut a box on the side of a tag, and return by how much the middle of a shape moves in its frame [m].
 
-    Args:
-        shape: The shape in the URDF.
-        solid: The same shape.
-        back_U: Direction into the tag.
-        missing: Distance that is missing between them [m].
+    ``solid`` is this shape, ``back_U`` the direction into the tag, and ``missing`` the distance that is
+    missing between them [m].
     """
     back_G = solid.X_UG.R.T @ back_U
     if solid.kind != "box":

@@ -40,10 +40,7 @@ def levelled(client: int) -> Iterator[None]:
 def add_floor(client: int, floor: BuiltFloor, arena: ArenaSpec) -> int:
     """Add the floor to a client and return the id of its plane. No camera sees it: renderers have a floor.
 
-    Args:
-        client: PyBullet client.
-        floor: The floor as it was built.
-        arena: Rectangle in which the floor has ridges, if it has any.
+    Ridges, if it has any, are in the rectangle of the arena.
     """
     plane = pybullet.createCollisionShape(
         pybullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], physicsClientId=client

@@ -36,10 +36,8 @@ _FLAT_M = 1e-6
 def inset_meshes(tree: ElementTree[Element], folder: Path, stem: str) -> None:
     """Replace the collision meshes of a URDF by hulls that are smaller by the margin, in place.
 
-    Args:
-        tree: A URDF whose collision meshes are OBJ files with absolute paths.
-        folder: Existing folder in which the hulls are written.
-        stem: Beginning of the names of their files.
+    The meshes are OBJ files with absolute paths; the hulls are written to an existing folder, with names that
+    begin with ``stem``.
     """
     for number, mesh in enumerate(tree.getroot().iterfind(".//collision/geometry/mesh")):
         scale = np.array([float(word) for word in mesh.get("scale", "1 1 1").split()])

@@ -13,13 +13,7 @@ OBSTACLE_RGBA = (0.55, 0.55, 0.55, 1.0)
 
 
 def add_obstacle(client: int, spec: CylinderSpec | BoxSpec, X_WB: SE2) -> int:
-    """Add an obstacle to a client and return the id of its body.
-
-    Args:
-        client: PyBullet client.
-        spec: Its shape.
-        X_WB: Its place on the floor.
-    """
+    """Add an obstacle to a client and return the id of its body."""
     collision: dict[str, float | list[float]]
     visual: dict[str, float | list[float]]
     if isinstance(spec, CylinderSpec):

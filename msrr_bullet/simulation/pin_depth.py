@@ -24,19 +24,12 @@ _Shape = tuple[int, tuple[list[float], list[float]]]
 
 
 class PinDepths:
-    """Measures the distance of both pins from the bottoms of their holes.
-
-    Attributes:
-        pins: Links of the left and the right pin.
-    """
+    """Measures the distance of both pins, the left one first, from the bottoms of their holes."""
 
     def __init__(self, world: BulletWorld, step: DockStep, reach_m: float) -> None:
         """Look up the pins of the docking unit and the holes of the port that it docks to.
 
-        Args:
-            world: The PyBullet world with both units.
-            step: Step of the plan: which port docks to which.
-            reach_m: Distance beyond which a pin counts as infinitely far [m].
+        A pin farther away than ``reach_m`` counts as infinitely far.
 
         Raises:
             GeometryError: A URDF has no pins, or no holes at the passive port.

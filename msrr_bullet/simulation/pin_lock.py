@@ -44,12 +44,7 @@ class PinLock(PortMechanism):
     ) -> None:
         """Look up the pins of the docking unit and the holes of the port that it docks to.
 
-        Args:
-            world: The PyBullet world with both units.
-            step: Step of the plan: which port docks to which.
-            spec: Closing time, strength and pull test of the lock.
-            plant: The plant that steps the world.
-            switch_travel: Distance from the bottom of the hole at which the seat switches close [m].
+        The seat switches close at the distance ``switch_travel`` from the bottom of the hole [m].
 
         Raises:
             GeometryError: A URDF has no pins, or no holes at the passive port.

@@ -14,11 +14,7 @@ PLUG_RGBA = (0.2, 0.2, 0.2, 1.0)
 
 
 class PortPlug:
-    """Two small fixed bodies at the bottom of the holes of a passive port.
-
-    Attributes:
-        bodies: PyBullet ids of the bodies.
-    """
+    """Two small fixed bodies at the bottom of the holes of a passive port."""
 
     def __init__(self, world: BulletWorld, unit: str, port: str) -> None:
         """Place the bodies by the present pose of the unit, which does not collide with them.

@@ -24,12 +24,8 @@ from msrr_scenes.specs.scene import Scene
 class Simulation:
     """The true state of a running trial.
 
-    Attributes:
-        scene: The scene, which everybody is told.
-        built: What is not as the scene says, which no robot is told.
-        placement: Start poses of all bodies.
-        plant: The plant that moves the units.
-        world: The PyBullet world; None when neither the plant nor a camera needs one.
+    ``built`` is what is not as the scene says, which no robot is told. ``world`` is None when neither the
+    plant nor a camera needs one.
     """
 
     scene: Scene
@@ -52,10 +48,7 @@ class Simulation:
 def open_simulation(scene: Scene, placement: Placement, built: AsBuilt | None = None) -> Iterator[Simulation]:
     """Build the plant of a scene and, if a renderer or the plant needs it, the PyBullet world.
 
-    Args:
-        scene: A checked scene.
-        placement: Start poses of all bodies.
-        built: What is not as the scene says; None if all is.
+    ``built`` is what is not as the scene says; None if all is.
     """
     built = built or as_designed(scene)
     with ExitStack() as stack:

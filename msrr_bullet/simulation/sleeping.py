@@ -34,11 +34,9 @@ _WATCH_EVERY = 5
 
 
 class SleepingUnits:
-    """Decides which units sleep.
+    """Decides which units sleep; those that are awake are in the order of the scene.
 
-    Attributes:
-        awake: Units that are awake, in the order of the scene.
-        groups: Units that are locked together with a unit, itself included, by the name of each unit.
+    ``groups`` are the units that are locked together with each unit, itself included.
     """
 
     def __init__(self, world: BulletWorld) -> None:
@@ -89,8 +87,7 @@ class SleepingUnits:
     def step(self, is_driven: Callable[[str], bool]) -> None:
         """Advance by one tick, before the physics is stepped.
 
-        Args:
-            is_driven: Returns whether the drive of a unit is commanded to move or still moves.
+        ``is_driven`` returns whether the drive of a unit is commanded to move or still moves.
         """
         self._tick += 1
         if self._tick % self._period:

@@ -43,9 +43,7 @@ class SolverEffort:
     def step(self, awake: Collection[str], groups: Mapping[str, tuple[str, ...]]) -> None:
         """Choose the iterations of the next ticks; called once a tick.
 
-        Args:
-            awake: Units that may move.
-            groups: Units that are locked together with each unit, which do not move against each other.
+        Units that are locked together, the groups, do not move against each other.
         """
         self._tick += 1
         if self._tick % self._period == 0:

@@ -50,10 +50,7 @@ def _plate_folder() -> Path:
 def write_plate(folder: Path, tag_id: int | None, family: TagFamily = TAG36H11) -> tuple[Path, Path]:
     """Write the mesh and the texture of a plate into ``folder``, unless they are there.
 
-    Args:
-        folder: Folder, which is made if it is not there.
-        tag_id: The tag to show; None for a blank plate.
-        family: Family of the tag.
+    The folder is made if it is not there. The plate is blank without a tag.
 
     Returns:
         The paths of mesh and texture. The quad lies in the plane z = 0 of the tag frame T (x right, y down, z
@@ -99,14 +96,8 @@ def load_tag_plate(
 ) -> int:
     """Load a free-standing, massless plate without collision shape and return the body id.
 
-    Args:
-        client: PyBullet client.
-        folder: Folder for the files of the plate.
-        tag_id: The tag to show.
-        size: Size of the tag [m].
-        X_WT: Pose of the tag frame (z into the tag).
-        family: Family of the tag.
-        textured: Whether PyBullet is given the texture.
+    ``folder`` is for the files of the plate, the tag has the edge ``size`` [m], z of its frame points into
+    it, and ``textured`` is whether PyBullet is given the texture.
     """
     mesh, texture = write_plate(folder, tag_id, family)
     shape = pybullet.createVisualShape(

@@ -37,12 +37,9 @@ class TagVisuals:
     ) -> None:
         """Use the tags of ``scene``; units with the fault ``marker_hidden`` get blank plates.
 
-        Args:
-            scene: A checked scene.
-            folder: Existing folder for the files.
-            built: True sizes and places of the tags; None if all are as designed.
-            pybullet_draws: Whether PyBullet is given the textures. The raster renderer needs none of its
-                textures: it reads the image that lies beside the mesh of a plate.
+        The folder for the files exists. ``built`` has the true sizes and places of the tags; None if all are
+        as designed. ``pybullet_draws`` is whether PyBullet is given the textures. The raster renderer needs
+        none of its textures: it reads the image that lies beside the mesh of a plate.
         """
         self._scene, self._family = scene, scene.tags.tag_family
         self._built = built or as_designed(scene)

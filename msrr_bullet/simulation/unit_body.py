@@ -65,12 +65,8 @@ def load_unit(
 ) -> UnitBody:
     """Load a unit at the origin of the world.
 
-    Args:
-        client: PyBullet client.
-        geometry: Geometry of the URDF of the unit.
-        welded: A welded copy of the URDF (:mod:`msrr_bullet.simulation.urdf_welding`); None makes a temporary
-            one.
-        built: What is not as designed, which ``welded`` has been given already; None if all is.
+    ``welded`` is a copy of the URDF by :mod:`msrr_bullet.simulation.urdf_welding`; None makes a temporary
+    one. ``built`` is what is not as designed, which ``welded`` has been given already; None if all is.
 
     Raises:
         GeometryError: PyBullet cannot load the URDF.

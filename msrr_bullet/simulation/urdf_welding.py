@@ -26,12 +26,9 @@ def weld(tree: ElementTree[Element], separate: Collection[str]) -> None:
 
     A link is merged if it has no collision shapes, or the same contact properties as the link that carries
     it. Mass, centre of mass and inertia of a merged link are those of the parts, and shapes stay where they
-    are. A link without inertial data has no mass.
-
-    Args:
-        tree: A URDF whose links form a tree (:func:`msrr_scenes.geometry.unit_geometry.read_unit` has
-            checked it).
-        separate: Links that are not merged, because contacts of each of them are queried.
+    are. A link without inertial data has no mass. Links form a tree
+    (:func:`msrr_scenes.geometry.unit_geometry.read_unit` has checked it). Those that are ``separate`` are not
+    merged, because contacts of each of them are queried.
     """
     robot = tree.getroot()
     links = {e.attrib["name"]: e for e in robot.findall("link")}

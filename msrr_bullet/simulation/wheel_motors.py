@@ -34,9 +34,8 @@ class WheelMotors:
     def drive(self, speeds: tuple[float, float], *, held: bool = False) -> None:
         """Turn the wheels with limited torque.
 
-        Args:
-            speeds: Speeds of the left and the right wheel [rad/s].
-            held: Whether the drive is at rest: the gear then holds the wheels, with more than the motor.
+        The speeds are those of the left and the right wheel [rad/s]. A drive at rest is ``held``: the gear
+        then holds the wheels, with more than the motor.
         """
         self._control(speeds, self._holding if held else self._torque)
 

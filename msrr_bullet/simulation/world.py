@@ -47,10 +47,7 @@ class BulletWorld:
 
     Attributes:
         client: Physics client id of PyBullet, an argument of every PyBullet call.
-        scene: The scene of the world.
-        built: What is not as the scene says.
         floor: Body id of the floor.
-        units: Every unit, by name.
         obstacles: Body id of every obstacle that stands in the world now, by name.
     """
 
@@ -64,11 +61,8 @@ class BulletWorld:
     ) -> None:
         """Build the world.
 
-        Args:
-            scene: A checked scene.
-            placement: Start poses of units and obstacles.
-            tags: Adds tags to the visual shapes of units and obstacles; None adds none.
-            built: What is not as the scene says; None if all is. ``tags`` have to be built the same.
+        ``tags`` adds tags to the visual shapes of units and obstacles, if it is given. ``built`` is what is
+        not as the scene says, None if all is; ``tags`` have to be built the same.
         """
         self.scene = scene
         self.built = built or as_designed(scene)

@@ -85,9 +85,7 @@ class Trial:
 def read_trials(path: Path, chosen: Mapping[str, str]) -> tuple[dict[str, str], dict[int, Trial]]:
     """Read a table of trials.
 
-    Args:
-        path: The table.
-        chosen: Values by dotted key that were set or varied: only trials with these are read.
+    Only trials are read in which the values of ``chosen``, by dotted key, were set or varied.
 
     Returns:
         What is the same in all trials, by column of ``_OF_SWEEP``, empty if the table does not tell, and

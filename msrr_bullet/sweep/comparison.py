@@ -101,13 +101,8 @@ def compare_sweeps(
 ) -> SweepComparison:
     """Compare two sweeps trial by trial, by the files that ``msrr sweep --csv`` wrote of them.
 
-    A trial without a result counts as one that did not succeed.
-
-    Args:
-        first: Table of the first sweep.
-        second: Table of the second sweep; the same one for two levels of one variation.
-        first_with: Values by dotted key, as texts: of the first table only trials with these count.
-        second_with: The same for the second table.
+    A trial without a result counts as one that did not succeed. Of each table only trials with its values by
+    dotted key, as texts, count: the two may be one table, for two levels of one variation.
 
     Raises:
         SceneError: A file cannot be read as such a table, or the two have no seed in common.

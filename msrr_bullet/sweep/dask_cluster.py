@@ -21,11 +21,9 @@ class ClusterError(MsrrError):
 
 
 class Cluster(NamedTuple):
-    """A cluster of Dask.
+    """A cluster of Dask, which runs functions in its workers.
 
-    Attributes:
-        executor: Runs functions in the workers.
-        slots: Returns the number of trials that it runs at the same time now, at least 1.
+    ``slots`` returns the number of trials that it runs at the same time now, at least 1.
     """
 
     executor: SupportsSubmit
@@ -36,9 +34,8 @@ class Cluster(NamedTuple):
 def dask_cluster(address: str) -> Iterator[Cluster]:
     """Connect to a cluster, or start workers on this machine.
 
-    Args:
-        address: Address of a scheduler, such as ``tcp://host:8786``, or ``local:N`` for N processes on
-            this machine, which end with the context.
+    The address is that of a scheduler, such as ``tcp://host:8786``, or ``local:N`` for N processes on this
+    machine, which end with the context.
 
     Raises:
         ClusterError: Dask is not installed, there is no scheduler or no worker, or a worker has several

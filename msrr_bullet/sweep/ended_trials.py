@@ -16,9 +16,7 @@ from msrr_scenes.specs.scene import Scene
 class EndedTrials:
     """The trials of one scene or of several, over the same seeds, that have ended.
 
-    Args:
-        scenes: The scenes, before any trial begins, for the code that is in force is noted.
-        seeds: Seeds of the trials of each.
+    It is made before any trial begins, for it notes the code that is in force.
     """
 
     def __init__(self, scenes: Sequence[Scene], seeds: Sequence[int]) -> None:
@@ -39,11 +37,7 @@ class EndedTrials:
         return [outcome for digest in self._hashes for outcome in self._of(digest)]
 
     def summaries(self, *, interrupted: bool = False) -> list[SweepSummary]:
-        """Return the summary of every scene.
-
-        Args:
-            interrupted: Whether the sweep was stopped before all trials were run.
-        """
+        """Return the summary of every scene; ``interrupted`` is that of a :class:`~.summary.SweepSummary`."""
         return [
             summarise(scene, code, self._of(digest), reused=self._reused[digest], interrupted=interrupted)
             for scene, code, digest in zip(self._scenes, self._codes, self._hashes, strict=True)

@@ -19,13 +19,10 @@ def code_fingerprint(scene: Scene, *, imported: bool = False, own: bytes | None 
 
     It covers the versions of the packages that can change a bit, every source file of this project, and of
     each implementation that the scene names by import path its file with those that it imports from the same
-    folder, or from the same package if it is installed.
-
-    Args:
-        scene: The scene.
-        imported: Whether all of these files count as they were when this process imported them, or first
-            asked: a process that lives on runs what it has imported, and one that it spawns what is there.
-        own: What :data:`own_code` has returned, for many scenes at once; None looks at the files again.
+    folder, or from the same package if it is installed. If ``imported``, all of these files count as they
+    were when this process imported them, or first asked: a process that lives on runs what it has imported,
+    and one that it spawns what is there. ``own`` is what :data:`own_code` has returned, for many scenes at
+    once; None looks at the files again.
     """
     digest = hashlib.blake2b(digest_size=12)
     digest.update(_as_first_asked() if imported else own or own_code())

@@ -27,11 +27,7 @@ class OtherCodeError(MsrrError):
 def remote_trial(trial: TrialFunction, codes: Mapping[str, str], scene: Scene, seed: int) -> TrialResult:
     """Run a trial, if the code here is that of whoever asks for it.
 
-    Args:
-        trial: Runs the trial.
-        codes: Fingerprint of the code that has to run, by hash of the scene.
-        scene: The scene.
-        seed: Seed of the trial.
+    ``codes`` are the fingerprints of the code that has to run, by hash of the scene.
 
     Raises:
         OtherCodeError: The code here is another one.

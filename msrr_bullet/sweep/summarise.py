@@ -46,12 +46,8 @@ def summarise(
 ) -> SweepSummary:
     """Return the summary of trials of a scene.
 
-    Args:
-        scene: The scene.
-        code: Fingerprint of the code when they began.
-        ended: Results and failures of the trials that have ended.
-        reused: Number of results taken from a store.
-        interrupted: Whether the sweep was stopped before all trials were run.
+    ``code`` is the fingerprint of the code when they began; all else is as in
+    :class:`~msrr_bullet.sweep.summary.SweepSummary`.
     """
     trials = [outcome for outcome in ended if isinstance(outcome, TrialResult)]
     failures = [outcome for outcome in ended if isinstance(outcome, TrialFailure)]

@@ -74,11 +74,7 @@ def run_sweeps(
     observer: TrialObserver | None = None,
     wall_limit_s: float | None = None,
 ) -> list[SweepSummary]:
-    """Run a trial of every scene for each seed, all of them in one pool; see :func:`run_sweep`.
-
-    Returns:
-        The summary of every scene, in their order.
-    """
+    """Run a trial of every scene for each seed in one pool; return their summaries; see :func:`run_sweep`."""
     if isinstance(seeds, str) or not isinstance(seeds, Iterable):
         raise TypeError(f"seeds are integers, such as range(20), found {seeds!r}")
     wanted = list(dict.fromkeys(seeds))

@@ -79,10 +79,7 @@ class TrialStore:
     ) -> None:
         """Open a store; create it if the file does not exist.
 
-        Args:
-            path: The file.
-            result_type: Kind of its results.
-            mend: What messages say is to be done if the file is no store.
+        ``mend`` is what messages say is to be done if the file is no store.
 
         Raises:
             StoreError: The file is not a store, has another layout, or cannot be opened.

@@ -55,10 +55,8 @@ def trials_csv(
 ) -> str:
     """Return the table of trials as CSV: a header with :data:`TRIAL_COLUMNS`, and the rows of each trial.
 
-    Args:
-        outcomes: Results of trials, and trials without one, in the order of the rows.
-        values: Values that were set, by dotted key, of every scene by its hash. A column for each of these
-            keys follows the others, named ``set.<key>``: a key may have the name of one of those.
+    ``values`` are those that were set, by dotted key, of every scene by its hash. A column for each of these
+    keys follows the others, named ``set.<key>``: a key may have the name of one of those.
     """
     values = values or {}
     keys = list(dict.fromkeys(key for given in values.values() for key in given))

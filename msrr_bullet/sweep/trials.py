@@ -35,12 +35,10 @@ TrialObserver = Callable[[TrialResult | TrialFailure, bool], None]
 
 @dataclass(frozen=True)
 class FinishedTrials:
-    """The trials of :func:`run_trials`.
+    """The trials of :func:`run_trials` that have ended, by hash of their scene and seed.
 
-    Attributes:
-        outcomes: Result or failure of every trial that has ended, by hash of its scene and seed.
-        interrupted: Whether the run was stopped before all trials were run.
-        outdated: Number of trials that were not in the store but by other code.
+    ``interrupted`` is whether the run was stopped before all were run, and ``outdated`` the number of those
+    that the store had by other code alone.
     """
 
     outcomes: Mapping[tuple[str, int], TrialResult | TrialFailure]
@@ -84,11 +82,8 @@ def _slots(jobs: int | Callable[[], int]) -> Callable[[], int]:
 class _WantedTrials:
     """The trials that were asked for: those that have ended, and those that are missing.
 
-    Attributes:
-        outcomes: Result or failure of every trial that has ended, by hash of its scene and seed.
-        codes: Fingerprint of the code of every scene, by its hash.
-        missing: The trials that the store does not hold.
-        outdated: Number of those that it holds by other code.
+    These and those outdated are as in :class:`FinishedTrials`; ``codes`` are the fingerprints of the code of
+    every scene, by its hash.
     """
 
     def __init__(self, store: TrialStore | None, observer: TrialObserver | None) -> None:
@@ -102,10 +97,7 @@ class _WantedTrials:
     def add(self, scene: Scene, seeds: Iterable[int], runs_here: bool) -> None:
         """Ask for trials of a scene; those in the store have ended.
 
-        Args:
-            scene: The scene.
-            seeds: Seeds of its trials.
-            runs_here: Whether missing trials are run on this machine, so that what they read is prepared.
+        ``runs_here`` is whether missing trials are run on this machine, so that what they read is prepared.
         """
         digest, code = scene_hash(scene), code_fingerprint(scene, own=self._own)
         self.codes[digest] = code
@@ -163,18 +155,10 @@ def run_trials(
 ) -> FinishedTrials:
     """Run a trial for each seed of each scene, all of them in one pool.
 
-    Ctrl-C stops the run after the trials that are running; a second Ctrl-C drops these as well. In both
-    cases every computed result is in the store and among those returned.
-
-    Args:
-        batches: Scenes, already checked, with the seeds of their trials; a repeated trial is run once.
-        jobs: See :func:`msrr_bullet.sweep.sweep.run_sweep`, as for all that follow but one, and for errors.
-        store: SQLite file of results.
-        executor: Runs the trials instead of a pool of processes.
-        trial: Runs one trial.
-        result_type: What it returns, as which stored results are read.
-        observer: Called for each trial as it is done.
-        wall_limit_s: Time that each trial may take on the wall clock; None sets no limit.
+    Ctrl-C stops the run after the trials that are running; a second Ctrl-C drops these as well. In both cases
+    every computed result is in the store and among those returned. Scenes have been checked, and a repeated
+    trial is run once. ``result_type`` is what ``trial`` returns, as which stored results are read. All else,
+    and the errors, are as for :func:`msrr_bullet.sweep.sweep.run_sweep`.
     """
     slots = _slots(jobs)
     check_wall_limit(wall_limit_s)

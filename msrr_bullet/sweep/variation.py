@@ -181,13 +181,8 @@ def load_levels(
     """Return the scene with the values of every choice, beside values that are the same in all.
 
     A value of a key within another one holds beside any value of the latter, whichever of them is varied.
-
-    Args:
-        scene: Name of a shipped scene, or path of a scene file.
-        choices: Values by dotted key, as :func:`levels` returns them.
-        overrides: Values by dotted key that are set in all.
-        told_as: What messages call a value that is set in all.
-        varied_as: What they call a value of a choice.
+    Choices are as :func:`levels` returns them. ``told_as`` is what messages call a value that is set in all,
+    and ``varied_as`` one of a choice.
 
     Raises:
         SceneError: A scene is unusable, a key is both varied and set, or two choices are the same scene.

@@ -118,8 +118,8 @@ def _scale(
 ) -> Callable[[int, float], float]:
     """Set the axis of the values, which are numbers or not, with ticks at the values alone.
 
-    Returns:
-        The place of a value, by its index and by how far aside it is shown, over the width of the axes.
+    The function returns the place of a value, by its index and by how far aside it is shown, over the width
+    of the axes.
     """
     if numbers is None:
         upright = _upright(values)
@@ -148,9 +148,7 @@ def _scale(
 def _with_room(values: Sequence[str], along: Sequence[float]) -> list[int]:
     """Return the indices of the values whose labels have room beside each other, from left to right.
 
-    Args:
-        values: The labels.
-        along: Where each stands on the axis, from 0 at its left end to 1 at its right end.
+    ``along`` is where each stands on the axis, from 0 at its left end to 1 at its right end.
     """
     shown: list[int] = []
     for index in sorted(range(len(values)), key=along.__getitem__):

@@ -26,12 +26,7 @@ _CAMERA_DEPTH = 0.8
 
 
 def draw_map(tag_map: TagMap, path: Path) -> Path:
-    """Draw the tags and the cameras in axes that are upright if the reference hangs upright.
-
-    Args:
-        tag_map: The map.
-        path: PNG file to write.
-    """
+    """Draw tags and cameras to a PNG file, in axes that are upright if the reference hangs upright."""
     tags = {
         tag_id: _upright(tag.X_MT.act(tag_corners(tag_map.tag_size))) for tag_id, tag in tag_map.tags.items()
     }

@@ -29,12 +29,7 @@ class _PlainNumbers(LogFormatter):
 
 
 def draw_residuals(tag_map: TagMap, path: Path) -> Path:
-    """Draw the distances of all corners from where the map puts them; return the file.
-
-    Args:
-        tag_map: The map.
-        path: PNG file to write.
-    """
+    """Draw the distances of all corners from where the map puts them to a PNG file; return the file."""
     with styled():
         figure = new_figure(_WIDTH_IN, _HEIGHT_IN)
         by_size, by_angle, by_picture, by_tag = figure.subplots(2, 2, width_ratios=(1.6, 1.0)).T.ravel()[

@@ -20,14 +20,7 @@ AFTER_FAILURE = (Phase.RETREAT, Phase.ASSEMBLE, Phase.HAND_OVER, Phase.FAILED)
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A time in which a unit did the same.
-
-    Attributes:
-        activity: What it did.
-        waits_for: Unit for which it waited; None if it did not wait.
-        start_s: Beginning [s].
-        end_s: End [s].
-    """
+    """A time in which a unit did the same; it waited for another unit, or for none."""
 
     activity: Activity
     waits_for: str | None
@@ -49,13 +42,7 @@ class EventKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class MissionEvent:
-    """Something that happened to a unit.
-
-    Attributes:
-        kind: What happened.
-        time_s: When [s].
-        text: Where to or why, in words; may be empty.
-    """
+    """Something that happened to a unit; its text, which may be empty, says where to or why."""
 
     kind: EventKind
     time_s: float

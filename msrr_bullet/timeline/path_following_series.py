@@ -20,15 +20,7 @@ _FOLLOWING = ("drive", "settle")
 
 @dataclass(slots=True)
 class ControlInstant:
-    """One control instant of a trial.
-
-    Attributes:
-        action: Decision of the robot.
-        estimate: Pose estimate on which it was taken.
-        los: Line of sight on which it was taken.
-        assembly: Progress of the long-distance phase.
-        true: True poses ``X_WB`` by the name of the body.
-    """
+    """One control instant of a trial: a decision, what it was taken on, and true poses ``X_WB`` by body."""
 
     action: Action
     estimate: PoseEstimate | None = None
@@ -60,15 +52,9 @@ class PathFollowingSeries:
 
     @classmethod
     def of(cls, instants: list[ControlInstant], unit: str, offset: float) -> PathFollowingSeries | None:
-        """Select the instants at which a path was followed.
+        """Return the series of the instants at which a path was followed; None when none was.
 
-        Args:
-            instants: Control instants of the trial, in order.
-            unit: Name of the docking unit.
-            offset: Distance of the controlled point ahead of the axle [m].
-
-        Returns:
-            The series; None when no path was followed.
+        ``offset`` is the distance of the controlled point ahead of the axle [m].
         """
         followed = [
             (i, i.assembly)

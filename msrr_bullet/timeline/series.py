@@ -99,11 +99,7 @@ class TrialSeries:
 
     @classmethod
     def of(cls, scene: Scene, snapshots: Sequence[Snapshot]) -> TrialSeries:
-        """Compute the series.
-
-        Args:
-            scene: Scene of the trial.
-            snapshots: Snapshots in order of time, at any rate.
+        """Compute the series of snapshots in order of time, at any rate.
 
         Raises:
             MsrrError: There is no snapshot.
@@ -157,10 +153,7 @@ def spans(times: Sequence[float], values: Sequence[T]) -> Iterator[tuple[T, floa
 def port_in_dock(scene: Scene, snapshot: Snapshot, X_WU: SE2 | None) -> tuple[float, float, float]:
     """Return gap [m], lateral offset [m] and heading [rad] of the active port in the target's dock frame D.
 
-    Args:
-        scene: Scene of the trial.
-        snapshot: Instant of the trial, with the true pose of the target.
-        X_WU: True or estimated pose of the docking unit.
+    The snapshot has the true pose of the target; that of the docking unit is true or estimated.
     """
     step = snapshot.first.step
     if step is None or X_WU is None or step.target_unit not in snapshot.units:

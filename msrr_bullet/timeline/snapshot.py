@@ -169,10 +169,8 @@ def moving_units(snapshots: Iterable[Snapshot]) -> list[str]:
 def unit_of_curves(snapshots: Iterable[Snapshot], unit: str | None = None) -> str | None:
     """Return the unit to which curves over time have to be confined.
 
-    Args:
-        snapshots: Instants of a trial.
-        unit: The unit that is asked for; None for the first one if several are under way at the same time,
-            and for all (None) if not: then their curves follow one another.
+    None asks for the first one if several are under way at the same time, and for all (None) if not: then
+    their curves follow one another.
 
     Raises:
         MsrrError: The unit has no step.

@@ -44,10 +44,7 @@ class ArenaJudge:
     def __init__(self, simulation: Simulation, clearance: ClearanceModel, locked: LockedPairs) -> None:
         """Begin to judge.
 
-        Args:
-            simulation: Scene and plant.
-            clearance: Clearance model with the shapes of all bodies.
-            locked: Pairs that are locked together: they are one body, and their locks have to hold.
+        Pairs that are locked together are one body, and their locks have to hold.
         """
         self._plant, self._clearance, self._locked = simulation.plant, clearance, locked
         scene = simulation.scene
@@ -58,12 +55,9 @@ class ArenaJudge:
         """Check locks, clearances and the limits of the arena.
 
         Exempt from the clearances are units that are locked together, and a pair that docks, unless it
-        touches beside its port.
-
-        Args:
-            poses: True poses of all bodies at this instant.
-            judges: Judges of the steps under way, after the decisions of their robots.
-            matters: Clearance below which somebody wants to know it [m]; the verdict is found in any case.
+        touches beside its port. The poses are the true ones, and the judges those of the steps under way,
+        after the decisions of their robots. Below the clearance ``matters`` somebody wants to know it [m];
+        the verdict is found in any case.
         """
         appeared = poses.keys() - self._there - set(self._units)
         self._there |= appeared

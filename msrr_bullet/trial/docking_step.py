@@ -43,16 +43,9 @@ class DockingStep:
 
     The mission owns the time and lets the robot decide. It calls :meth:`follow` after every decision and,
     where the step :meth:`watches`, :meth:`observe` after every tick of the physics, until the step has ended.
-
-    Attributes:
-        index: Index of the step: in the plan, or among those that a base station has begun.
-        step: The step.
-        undocks: Whether the unit undocks.
-        judge: Judge of the step.
-        robot: The robot of the unit.
-        runner: Lets the robot sense and act.
-        min_clearance: Smallest clearance of all bodies that was noted [m]; infinite before one was.
-        verdict: Verdict of the judge; None while the step is under way.
+    ``index`` is its place in the plan, or among the steps that a base station has begun. ``min_clearance`` is
+    the smallest clearance of all bodies that was noted [m], infinite before one was, and ``verdict`` that of
+    the judge; None while the step is under way.
     """
 
     def __init__(
@@ -66,17 +59,7 @@ class DockingStep:
         *,
         undocks: bool = False,
     ) -> None:
-        """Begin a step now.
-
-        Args:
-            environment: Plant, shapes and locks.
-            index: Index of the step.
-            step: The step; when the unit undocks, the one in which it docked.
-            robot: The robot of the unit.
-            runner: Lets the robot sense and act.
-            recorder: Gets the messages.
-            undocks: Whether the unit undocks.
-        """
+        """Begin a step now; that of a unit that undocks is the one in which it docked."""
         simulation = environment.simulation
         scene, plant = simulation.scene, simulation.plant
         self._scene, self._plant, self._recorder = scene, plant, recorder
@@ -181,10 +164,7 @@ class DockingStep:
         """Pull at the lock of a pair that has docked; simulated time passes, beyond the time limit as well.
 
         A robot whose lock did not hold goes on for a while, to notice it; its actions change nothing.
-
-        Args:
-            control: Timer of the control instants.
-            report: Called at a control instant with its time [ns], after the decision of the robot.
+        ``report`` is called at a control instant with its time [ns], after the decision of the robot.
         """
         plant = self._plant
         self._pull_test_passed = plant.lock_engaged(self.step.unit) and plant.pull_test(self.step.unit)

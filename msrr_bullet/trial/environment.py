@@ -54,14 +54,7 @@ class LockedPairs:
 
 @dataclass(frozen=True, eq=False)
 class Environment:
-    """Everything that the steps of one trial share.
-
-    Attributes:
-        simulation: Plant, world and true poses.
-        devices: Cameras, encoders and command links.
-        clearance: Clearance model with the shapes of all bodies.
-        locked: Pairs of units that are locked together.
-    """
+    """What all steps of one trial share: the true state, the devices, the shapes, and what is locked."""
 
     simulation: Simulation
     devices: Devices

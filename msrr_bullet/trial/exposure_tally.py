@@ -10,11 +10,7 @@ _MANY, _FEW_EXPOSURES = 0.1, 20
 
 
 class ExposureTally:
-    """Adds up the counts of a filter, which begin anew whenever it is reset.
-
-    Attributes:
-        counts: The sum; None while nothing was counted.
-    """
+    """Adds up the counts of a filter, which begin anew whenever it is reset; None while there are none."""
 
     def __init__(self, estimate: PoseEstimate | ArenaEstimate | None) -> None:
         """Begin after what an estimate counts, which may be of an earlier step of the same filter."""

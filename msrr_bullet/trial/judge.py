@@ -50,10 +50,7 @@ class Judge:
     """Judges one step of the plan by the truth.
 
     Attributes:
-        step: The step.
-        pair: The two units that dock.
         X_TD: Dock frame of the target port in the frame of the target unit.
-        zone: Zone in which contact is part of docking.
         docking: Whether the pair may be close, as of the last decision of the robot.
         port: Pose of the docking port at the last decision of the robot; None before the first.
     """
@@ -61,14 +58,7 @@ class Judge:
     def __init__(
         self, simulation: Simulation, clearance: ClearanceModel, locked: LockedPairs, step: DockStep
     ) -> None:
-        """Begin to judge a step.
-
-        Args:
-            simulation: Source of the true poses.
-            clearance: Clearance model with the shapes of all bodies.
-            locked: Pairs that are locked together.
-            step: The step of the plan.
-        """
+        """Begin to judge a step of the plan."""
         scene = simulation.scene
         self._clearance = clearance
         self._locked = locked
@@ -166,10 +156,8 @@ class Judge:
     def tick(self, now_ns: int, attempt: int, estimate: Callable[[], PoseEstimate | None]) -> None:
         """Observe pins and seat at one physics tick; not needed at ticks that the judge does not watch.
 
-        Args:
-            now_ns: Simulated time.
-            attempt: Number of the attempt of the robot; a new one resets the seat.
-            estimate: Returns the estimate of the robot, to be compared with the truth at the first contact.
+        A new attempt of the robot resets the seat. ``estimate`` returns the estimate of the robot, to be
+        compared with the truth at the first contact.
         """
         if attempt != self._attempt:
             self._attempt = attempt
@@ -245,8 +233,7 @@ class Judge:
     def verdict_docked(self, engaged: bool) -> Verdict:
         """Return the verdict on a robot that believes it is docked, before the pull test.
 
-        Args:
-            engaged: Whether the lock holds the other unit.
+        ``engaged`` is whether the lock holds the other unit.
         """
         seating = self.seating()
         if seating is None:
@@ -260,9 +247,7 @@ class Judge:
     def verdict_gave_up(self, reason: FailureReason | None, ever_detected: bool) -> Verdict:
         """Return the verdict on a robot that gave up.
 
-        Args:
-            reason: Reason of the robot for giving up.
-            ever_detected: Whether the target was detected at least once in this step.
+        ``ever_detected`` is whether the target was detected at least once in this step.
         """
         if self._gave_way_in == self._attempt:  # a tug test may have shown it, and then to give up is right
             return Verdict(Outcome.LOCK_FAILED)

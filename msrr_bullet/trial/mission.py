@@ -56,11 +56,8 @@ class MissionLoop(ABC):
     def run(self, check_clock: Callable[[], None] = lambda: None) -> None:
         """Run until nothing is under way and nothing may begin.
 
-        The locks are pulled at the end, when no unit can be disturbed by it.
-
-        Args:
-            check_clock: Called before every advance of the physics; it raises when the trial takes too long
-                on the wall clock.
+        The locks are pulled at the end, when no unit can be disturbed by it. ``check_clock`` is called before
+        every advance of the physics; it raises when the trial takes too long on the wall clock.
         """
         plant, profiler = self._plant, self._profiler
         while not self._over:

@@ -18,11 +18,7 @@ _MOVES_MPS, _MOVES_RADPS = 0.01, 0.05
 
 
 class MissionRecord:
-    """Collects the figures while a mission is under way.
-
-    Attributes:
-        min_clearance: Smallest clearance so far [m]; infinite before the first.
-    """
+    """Collects the figures while a mission is under way; its least clearance is infinite before the first."""
 
     def __init__(self, units: tuple[str, ...]) -> None:
         """Begin with nobody having moved."""
@@ -59,13 +55,7 @@ class MissionRecord:
             self._last_lock_s = seconds(now_ns)
 
     def figures(self, status: MissionStatus, sent: int, lost: int) -> MissionFigures:
-        """Return the figures of a mission that has ended.
-
-        Args:
-            status: Last status of the base station.
-            sent: Number of messages sent over the radio.
-            lost: Number of messages lost.
-        """
+        """Return the figures of a mission that has ended; messages sent and lost are those of the radio."""
         return MissionFigures(
             makespan_s=self._last_lock_s,
             way_m=self._way,

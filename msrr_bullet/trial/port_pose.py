@@ -39,9 +39,7 @@ class PortPose:
 class DockingZone:
     """The zone in front of a port in which contact is part of docking; contact outside it is a collision.
 
-    Attributes:
-        depth: Largest gap between the faces [m].
-        half_width: Largest lateral offset [m].
+    ``depth`` is the largest gap between the faces, and ``half_width`` the largest lateral offset [m].
     """
 
     depth: float
@@ -62,9 +60,6 @@ class DockingZone:
     def is_near(self, gap: float, lateral: float, margin: float) -> bool:
         """Return whether a port is in the zone, or no farther from it than ``margin`` [m], whatever its yaw.
 
-        Args:
-            gap: Distance between the two faces along x of D [m].
-            lateral: Offset from the axis of D [m].
-            margin: Distance by which the zone is grown to all sides [m].
+        Gap and lateral offset are those of a :class:`PortPose`.
         """
         return -_OVERLAP_M - margin <= gap <= self.depth + margin and abs(lateral) <= self.half_width + margin

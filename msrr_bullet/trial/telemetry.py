@@ -49,9 +49,7 @@ class Progress:
 class Telemetry:
     """Writes the reports of a trial. Nothing of them reaches the robot.
 
-    Attributes:
-        recorder: Gets every message.
-        is_heard: Whether the recorder keeps or shows anything of it.
+    ``is_heard`` is whether the recorder keeps or shows anything of it.
     """
 
     def __init__(
@@ -82,11 +80,8 @@ class Telemetry:
     ) -> None:
         """Report one control instant, after the decisions of all robots.
 
-        Args:
-            now_ns: Time of the instant.
-            poses: True poses of all bodies at the instant.
-            steps: The steps under way.
-            nearest: Smallest true clearance of all pairs that may not touch; None without such a pair.
+        The poses of all bodies are the true ones at this instant, and ``nearest`` is the smallest true
+        clearance of all pairs that may not touch; None without such a pair.
         """
         if self.is_heard:
             for unit in self._units:

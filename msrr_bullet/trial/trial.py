@@ -32,15 +32,10 @@ class Trial:
         observer: Callable[[Progress], None] | None = None,
         profiler: Profiler | None = None,
     ) -> None:
-        """Prepare a trial.
+        """Prepare a trial of a scene that :func:`msrr_bullet.trial.check.check_trial` accepts.
 
-        Args:
-            scene: The scene, which :func:`msrr_bullet.trial.check.check_trial` accepts.
-            seed: Seed of all random streams; scene, seed and versions determine every bit of the log.
-            recorder: Gets every message.
-            viewer: Gets a snapshot at every control instant.
-            observer: Called with the progress at every control instant.
-            profiler: Measures the time of each stage of the loop.
+        Scene, seed and versions determine every bit of the log. Viewer and observer are called at every
+        control instant.
         """
         self.scene = scene
         self.seed = seed
@@ -50,8 +45,7 @@ class Trial:
     def run(self, wall_limit_s: float | None = None) -> TrialResult:
         """Run the trial and return the result.
 
-        Args:
-            wall_limit_s: Time that the trial may take on the wall clock; None sets no limit.
+        ``wall_limit_s`` is the time that it may take on the wall clock; None sets no limit.
 
         Raises:
             WallLimitError: The trial took longer.

@@ -12,22 +12,10 @@ from msrr_scenes.specs.plan import DockStep
 
 
 class UnitRunner:
-    """Lets a robot sense and act.
-
-    Attributes:
-        unit: Name of the unit.
-        action: Last decision of the robot.
-    """
+    """Lets the robot of a unit sense and act; ``action`` is its last decision."""
 
     def __init__(self, environment: Environment, unit: str, robot: Robot, profiler: Profiler) -> None:
-        """Prepare a unit that has no sensors at work yet.
-
-        Args:
-            environment: Plant and devices.
-            unit: Name of the unit.
-            robot: Its robot.
-            profiler: Measures the time of perception and control.
-        """
+        """Prepare a unit that has no sensors at work yet."""
         simulation = environment.simulation
         self._scene, self._plant, self._devices = simulation.scene, simulation.plant, environment.devices
         self._robot, self._profiler = robot, profiler
@@ -53,12 +41,7 @@ class UnitRunner:
         return min(self._sensors.next_ns if self._sensors else NEVER_NS, self._link.next_ns)
 
     def start(self, step: DockStep | None, cameras: list[CameraSensor]) -> None:
-        """Start the sensors.
-
-        Args:
-            step: The step in which the unit docks or undocks; None without a target.
-            cameras: The cameras that it can read.
-        """
+        """Start the sensors and the cameras that the unit can read; the step is None without a target."""
         self._has_target = self._has_target or step is not None
         encoders = self._devices.encoders[self.unit]
         self._sensors = SensorSuite(

@@ -19,9 +19,7 @@ _UNKNOWN = (Outcome.PROGRAM_FAILED, Outcome.FALSE_DOCK, Outcome.LOCK_FAILED)
 class Verdict:
     """An outcome, and what speaks for it.
 
-    Attributes:
-        outcome: The outcome.
-        reason: Why the judge says so; empty where the robot has ended the step and its own reason tells why.
+    The reason is empty where the robot has ended the step and its own reason tells why.
     """
 
     outcome: Outcome
@@ -47,11 +45,9 @@ def decisive_step(steps: Sequence[StepResult]) -> StepResult:
 def verdict_on_trial(ended: Verdict | None, steps: Sequence[StepResult], failed_lock: str | None) -> Verdict:
     """Return the verdict on a trial.
 
-    Args:
-        ended: What ended the trial, other than its steps: danger, the time limit, or the base station. None
-            where the steps of the plan decide.
-        steps: Results of all steps that began.
-        failed_lock: Which lock, closed since the start, did not hold the pull test; None where none failed.
+    ``ended`` is what ended the trial, other than its steps: danger, the time limit, or the base station; None
+    where the steps of the plan decide. ``failed_lock`` is a lock, closed since the start, that did not hold
+    the pull test.
     """
     if ended is None:
         decisive = decisive_step(steps)

@@ -25,9 +25,7 @@ from msrr_scenes.geometry.se3 import SE3
 class Command:
     """One change of the scene in the page.
 
-    Attributes:
-        key: Name of what changes. A later command with the same key replaces an earlier one.
-        data: Message to the page.
+    A later command with the same key, the name of what changes, replaces an earlier one.
     """
 
     key: str

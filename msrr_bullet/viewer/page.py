@@ -82,13 +82,9 @@ def render_page(
 ) -> str:
     """Return the page.
 
-    Args:
-        scene: Scene of the run.
-        commands: Commands that draw the 3-D view.
-        snapshots: Snapshots of a finished run; None for a live page, which connects to the server.
-        stills: Annotated frames of the cameras of a finished run.
-        events: Events of a finished run.
-        live_cameras: Whether a live page will get images of the cameras.
+    Snapshots, stills and events are of a finished run, and the commands draw the 3-D view. Without snapshots
+    the page is a live one, which connects to the server; ``live_cameras`` is whether it will get images of
+    the cameras.
     """
     data = {
         "title": scene.name,

@@ -45,12 +45,7 @@ def labels(scene: Scene) -> tuple[str, ...]:
 
 
 def readings(snapshot: Snapshot, names: Iterable[str] = READINGS) -> tuple[str, ...]:
-    """Return readings of a snapshot as text; those of a unit are of the first one under way.
-
-    Args:
-        snapshot: Instant of a trial.
-        names: Labels of the readings.
-    """
+    """Return readings of a snapshot as text; those of a unit are of the first one under way."""
     texts = _texts(snapshot)
     return tuple(texts.get(name) or NONE for name in names)
 

@@ -27,11 +27,7 @@ def replay_data(
 ) -> dict[str, Any]:
     """Return what a page shows of a run, as JSON holds it; times are those of the log [s].
 
-    Args:
-        scene: Scene of the run.
-        snapshots: Snapshots that the page keeps, in order of time, at least one.
-        stills: Annotated frames of the cameras, in order of time for each camera.
-        events: Events of the log, in order of time.
+    Snapshots, at least one, and events are in order of time, as are the stills of each camera.
     """
     times = [seconds(snapshot.stamp_ns) for snapshot in snapshots]
     by_unit = [unit_readings(snapshot) for snapshot in snapshots]

@@ -35,12 +35,8 @@ def write_replay(
 ) -> Path:
     """Write a self-contained page that replays a trial, and return the path of the file.
 
-    Args:
-        path: File to write, such as ``run/replay.html``.
-        scene: Scene of the trial.
-        snapshots: Snapshots in order of time, at any rate. About :data:`SNAPSHOT_RATE` of them are kept.
-        stills: Annotated frames of the cameras, in order of time for each camera.
-        events: Events of the log, in order of time.
+    All is in order of time, stills for each camera. Of snapshots, at any rate, about :data:`SNAPSHOT_RATE`
+    are kept.
 
     Raises:
         MsrrError: There is no snapshot.

@@ -136,11 +136,8 @@ def _cells(numbers: np.ndarray, textures: list[Texture], packed: Textures) -> np
 def _transformed(functions: np.ndarray, R: np.ndarray, p: np.ndarray, sign: float) -> np.ndarray:
     """Move affine functions ``g . p + g0`` (planes ``n . p = d``: ``sign`` +1) from frames G to M.
 
-    Args:
-        functions: Shape (N, ..., 4).
-        R: Rotation of each G in M, shape (N, 3, 3).
-        p: Origin of each G in M, shape (N, 3) [m].
-        sign: Sign of what is added to the last entry.
+    The functions have shape (N, ..., 4); R, (N, 3, 3), and p, (N, 3) [m], are rotations and origins of the
+    frames G in M.
     """
     out = np.empty_like(functions)
     out[..., :3] = np.einsum("nij,n...j->n...i", R, functions[..., :3])

@@ -39,13 +39,7 @@ _NUMBERS = count()
 
 
 class LoadedBodies:
-    """The bodies that were loaded in a PyBullet client at one instant.
-
-    Attributes:
-        ids: Unique ids of the bodies.
-        shapes: All visible shapes, each on a moving frame.
-        frame_count: Number of moving frames.
-    """
+    """The bodies that were loaded in a PyBullet client at one instant, with all visible shapes."""
 
     def __init__(self, client: int) -> None:
         """Read all bodies.
@@ -113,9 +107,8 @@ class LoadedBodies:
     def displaced(self, poses: Array, displacements: Mapping[int, SE3]) -> Array:
         """Return :meth:`poses` after bodies, given by their ids, have been displaced as a whole.
 
-        Args:
-            poses: Position [m] and quaternion xyzw of each moving frame in W, shape (M, 7).
-            displacements: Motion of points in W, by id of the body; bodies of no moving frame are left out.
+        Poses are position [m] and quaternion xyzw of each moving frame in W, shape (M, 7), and displacements
+        motions of points in W; those of bodies of no moving frame are left out.
         """
         if not displacements:
             return poses
@@ -205,11 +198,8 @@ def _visual_shapes(entry: ShapeData, X_MG: SE3) -> Iterator[VisualShape]:
 def _texture(part: MeshPart, textured: bool, where: str) -> Texture | None:
     """Return the texture of a part of a mesh, or None.
 
-    Args:
-        part: Part of a mesh file.
-        textured: Whether PyBullet reports a texture of the mesh's own materials. It reports no textures that
-            were put on later.
-        where: Name of body and link for error messages.
+    ``textured`` is whether PyBullet reports a texture of the mesh's own materials; it reports none that were
+    put on later. ``where`` names body and link for error messages.
     """
     if part.mesh.uv is None or (part.from_material and not textured):
         return None

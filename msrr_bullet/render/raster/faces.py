@@ -154,12 +154,8 @@ def _maps(values: Array, weights: Array) -> Array:
 def _coplanar(pairs: Indices, normal: Array, offset: Array, maps: Array, extent: float) -> Indices:
     """Return the number of each triangle's group, which hangs together, lies in one plane, has equal maps.
 
-    Args:
-        pairs: Triangles that share an edge, from :func:`_neighbours`.
-        normal: Normal of each triangle, shape (T, 3).
-        offset: Offset of its plane, shape (T,) [m].
-        maps: Its affine maps, shape (T, k, 4).
-        extent: Size of the mesh [m].
+    ``pairs`` are from :func:`_neighbours`. Normals have shape (T, 3), offsets (T,) [m], and affine maps
+    (T, k, 4). ``extent`` is the size of the mesh [m].
     """
     t, other = pairs[:, :, 0].T
     joined = (
@@ -236,9 +232,7 @@ def _cross(a: Array, b: Array) -> Array:
 def _outlined(triangles: bytes, groups: bytes) -> tuple[tuple[list[int], _Outline | None], ...]:
     """Return the triangles of each group, and their outline if there are several and it is one loop.
 
-    Args:
-        triangles: Vertex indices, shape (T, 3).
-        groups: Number of each triangle's group, shape (T,).
+    The bytes are those of vertex indices, shape (T, 3), and of the number of each triangle's group, (T,).
     """
     corners, labels = np.frombuffer(triangles, np.int64).reshape(-1, 3), np.frombuffer(groups, np.int64)
     order = np.argsort(labels, kind="stable")
@@ -271,10 +265,7 @@ def _are_convex(
 ) -> set[int]:
     """Return the numbers of the groups of coplanar triangles whose outline is convex.
 
-    Args:
-        groups: Triangles and outlines, from :func:`_outlined`.
-        vertices: Shape (V, 3) [m].
-        normal: Normal of each triangle, shape (T, 3).
+    Groups are from :func:`_outlined`; vertices have shape (V, 3) [m], and normals of triangles (T, 3).
     """
     alike: dict[int, list[tuple[int, int, _Outline]]] = {}  # number, first triangle, outline; by corners
     for i, (group, outline) in enumerate(groups):

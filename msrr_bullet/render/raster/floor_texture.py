@@ -23,10 +23,8 @@ from msrr_scenes.messages import Pixels
 def pack_floor(levels: Sequence[Floats], period: float, wall: float) -> FloorTexture:
     """Return the floor's texture for the kernels.
 
-    Args:
-        levels: Texture pyramid, finest first [grey levels].
-        period: Edge of the square that the texture covers before it repeats [m].
-        wall: Grey level above the horizon.
+    ``levels`` is the texture pyramid, finest first [grey levels]; all else is as in
+    :class:`msrr_bullet.render.floor.Floor`.
 
     Raises:
         SceneError: The texture's edge is no power of two, or its greys do not lie in 0 to 255.

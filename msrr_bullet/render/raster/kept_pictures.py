@@ -30,11 +30,8 @@ class KeptPictures:
     def __init__(self, camera: PinholeCamera, lens: LensMap | None, radii: Array) -> None:
         """Begin without a picture.
 
-        Args:
-            camera: Intrinsics.
-            lens: Map of the lens of the camera; None for an ideal one.
-            radii: Radius of a ball about the origin of each moving frame that holds all its shapes, shape
-                (M,) [m]; see :func:`frame_radii`.
+        Each radius, shape (M,) [m], is that of a ball about the origin of a moving frame that holds all its
+        shapes; see :func:`frame_radii`. An ideal lens has no map.
         """
         self._camera = camera
         self._lens = lens
@@ -45,10 +42,7 @@ class KeptPictures:
     def find(self, X_WC: SE3, window: Window, poses: Array) -> Pixels | None:
         """Return the pixels of a window, read-only, if they can be no others than when it was drawn last.
 
-        Args:
-            X_WC: Pose of the camera.
-            window: Any rectangle, inside or outside the frame.
-            poses: Position [m] and quaternion xyzw of each moving frame in W, shape (M, 7).
+        All is as for :meth:`msrr_bullet.render.raster.rasterizer.Rasterizer.draw`.
         """
         if window not in self._pictures or self._seen_from != _bits(X_WC):
             return None
@@ -93,11 +87,7 @@ def _bits(X_WC: SE3) -> bytes:
 def _may_show(camera: PinholeCamera, p_C: Array, radius: Array, window: Window) -> NDArray[np.bool_]:
     """Return which balls may touch a window, shape (N,), by the four planes through its edges; in doubt, all.
 
-    Args:
-        camera: Intrinsics.
-        p_C: Middles of the balls in C, shape (N, 3) [m].
-        radius: Radii, shape (N,) [m].
-        window: The window.
+    Their middles are in C, shape (N, 3), and the radii have shape (N,) [m].
     """
     x, y, z = p_C.T
     slack = radius + 1e-6

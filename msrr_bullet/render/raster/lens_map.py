@@ -77,12 +77,7 @@ class _Nodes:
 
 
 class LensMap:
-    """The places of the corners of pixels in the image of an ideal lens, for a frame and a margin about it.
-
-    Attributes:
-        camera: Intrinsics.
-        distortion: Distortion of the lens.
-    """
+    """The places of the corners of pixels in the image of an ideal lens, for a frame and a margin around."""
 
     def __init__(self, camera: PinholeCamera, distortion: Distortion) -> None:
         """Check the lens.

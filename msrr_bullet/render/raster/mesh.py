@@ -83,10 +83,8 @@ def capsule(radius: float, length: float) -> Mesh:
 def _revolved(profile: list[tuple[float, float]], slopes: Any, capped: bool = False) -> Mesh:
     """Return the solid of revolution about z of a profile of (radius, z) [m], lowest point first.
 
-    Args:
-        profile: Points of the profile.
-        slopes: Elevation of the shading normal at each point [rad].
-        capped: Whether flat discs close the ends.
+    ``slopes`` are the elevations of the shading normals at these points [rad]. Flat discs close the ends of
+    one that is ``capped``.
     """
     n = segments(max(radius for radius, _ in profile))
     profile = [(radius if radius > 1e-12 else 0.0, z) for radius, z in profile]  # a pole is one point

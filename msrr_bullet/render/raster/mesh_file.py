@@ -22,12 +22,9 @@ from msrr_scenes.geometry.obj_file import (
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
-    """The triangles of a mesh file that share a texture.
+    """The triangles of a mesh file, in its own units, that share a texture or have none.
 
-    Attributes:
-        mesh: Triangles in the file's own units.
-        texture: Image file, or None.
-        from_material: Whether the file names its materials, so that PyBullet knows about the texture.
+    ``from_material`` is whether the file names its materials, so that PyBullet knows about the texture.
     """
 
     mesh: Mesh

@@ -38,18 +38,10 @@ _LIGHT = Light(np.array(TOWARDS_LIGHT) / np.linalg.norm(TOWARDS_LIGHT), AMBIENT,
 
 
 class Rasterizer:
-    """Draws a fixed set of shapes on moving frames.
-
-    Attributes:
-        geometry: All faces of the shapes.
-    """
+    """Draws a fixed set of shapes on moving frames."""
 
     def __init__(self, shapes: Sequence[VisualShape], frame_count: int) -> None:
-        """Prepare the shapes.
-
-        Args:
-            shapes: Shapes, each on a moving frame.
-            frame_count: Number of moving frames.
+        """Prepare the shapes, each of which is on a moving frame.
 
         Raises:
             GeometryError: There are more faces than identities.
@@ -71,13 +63,8 @@ class Rasterizer:
     ) -> Pixels:
         """Return the mono8 pixels of ``window``, shape (height, width).
 
-        Args:
-            camera: Intrinsics.
-            X_WC: Pose of the camera.
-            window: Any rectangle, inside or outside the frame.
-            poses: Position [m] and quaternion xyzw of each moving frame in W, shape (M, 7).
-            floor: Texture of the floor.
-            lens: Map of the lens of the camera; None for an ideal one.
+        The window is any rectangle, inside or outside the frame. Poses are position [m] and quaternion xyzw
+        of each moving frame in W, shape (M, 7). An ideal lens has no map.
 
         Raises:
             GeometryError: The window reaches beyond the frame to where the lens has no inverse.
@@ -142,11 +129,9 @@ def _ideal_grid(window: Window) -> PixelGrid:
 def compile_kernels(announce: Callable[[str], None], lenses: Iterable[bool]) -> None:
     """Load the kernels' machine code from disk, or compile it and keep it there.
 
-    Call it before a pool of workers starts, or every worker compiles for itself.
-
-    Args:
-        announce: Called with a message before a compilation begins, but not before a load from disk.
-        lenses: For each lens to be drawn whether it distorts; both kinds have kernels of their own.
+    Call it before a pool of workers starts, or every worker compiles for itself. ``announce`` is called with
+    a message before a compilation begins, but not before a load from disk. ``lenses`` tells for each lens to
+    be drawn whether it distorts; both kinds have kernels of their own.
     """
     rasterizer = Rasterizer([VisualShape(0, SE3(), box(np.ones(3)), grey=1.0)], frame_count=1)
     floor = pack_floor([np.zeros((1, 1), dtype=np.float32)], period=1.0, wall=0.0)
