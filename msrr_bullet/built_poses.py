@@ -49,7 +49,10 @@ def obstacle_tag_pose(height_m: float, built: BuiltTag) -> SE3:
 class PlacedTag:
     """A tag of a unit or of an obstacle as it was printed and put on.
 
-    ``X_BT`` is its true pose in the frame of its body, and ``size`` the true edge of its black square [m].
+    Attributes:
+        tag_id: Its id.
+        X_BT: True pose in the frame of its body.
+        size: True edge of the black square [m].
     """
 
     tag_id: int

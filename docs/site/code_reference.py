@@ -126,8 +126,11 @@ def class_text(kind: Any) -> str:
         for m in kind.members.values()
         if m.is_attribute and not m.name.startswith("_") and (m.annotation or m.name in said)
     ]
+    columns = (
+        ("attribute", "type", "meaning") if any(meaning for *_, meaning in rows) else ("attribute", "type")
+    )
     if rows:
-        text += "\n" + table(("attribute", "type", "meaning"), rows)
+        text += "\n" + table(columns, [row[: len(columns)] for row in rows])
     return text + "".join(_function(member, "####") for member in public(kind) if member.is_function)
 
 

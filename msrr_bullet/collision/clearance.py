@@ -15,8 +15,12 @@ Pair = frozenset[str]
 class Clearance:
     """The distance between two bodies.
 
-    In an overlap the distance [m] is minus the penetration depth of the deepest pair of parts. The nearest
-    points, in an overlap the deepest ones, are in W [m].
+    Attributes:
+        distance: Distance [m]; in an overlap, minus the penetration depth of the deepest pair of parts.
+        body_a: Name of one body.
+        body_b: Name of the other body.
+        point_a: Nearest point of ``body_a`` in W [m]; in an overlap, the deepest point.
+        point_b: Nearest point of ``body_b`` in W [m]; in an overlap, the deepest point.
     """
 
     distance: float

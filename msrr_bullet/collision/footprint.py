@@ -35,8 +35,9 @@ DECIMALS = 6
 class Part:
     """A convex part of a footprint: all points within a radius of a core polygon.
 
-    ``core`` has its vertices counter-clockwise, shape (N, 2) [m], and is the centre of a disc, N = 1.
-    ``radius`` is 0 for a polygon [m].
+    Attributes:
+        core: Vertices, counter-clockwise, shape (N, 2) [m]; the core of a disc is the centre, N = 1.
+        radius: Radius [m]; 0 for a polygon.
     """
 
     core: Array

@@ -128,9 +128,14 @@ class BuiltFloor:
 
 @dataclass(frozen=True, eq=False)
 class AsBuilt:
-    """The truth of a trial about everything that was built; units and tags of obstacles are there by name.
+    """The truth of a trial about everything that was built.
 
-    ``errors`` has every error that was given or drawn, in the unit of its quantity, by name of its stream.
+    Attributes:
+        units: Every unit, by name.
+        overhead: Overhead camera; None without one.
+        obstacle_tags: Tag of every obstacle that carries one, by name of the obstacle.
+        floor: Floor.
+        errors: Every error that was given or drawn, in the unit of its quantity, by the name of its stream.
     """
 
     units: Mapping[str, BuiltUnit]

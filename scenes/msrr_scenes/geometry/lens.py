@@ -24,9 +24,13 @@ _AHEAD_M = 1e-6
 class Lens:
     """A camera with its lens, and the ideal camera in whose image perception computes.
 
-    The ideal camera, ``camera``, has no distortion and square pixels; its focal length is fx and its
-    principal point that of the camera. Its image is larger or smaller than the frame, and parts of it have
-    negative pixels. What the lens shows of a point of the ideal image counts only where :meth:`shows` holds.
+    The ideal camera has no distortion and square pixels; its focal length is fx and its principal point that
+    of the camera. Its image is larger or smaller than the frame, and parts of it have negative pixels. What
+    the lens shows of a point of the ideal image counts only where :meth:`shows` holds.
+
+    Attributes:
+        camera: The ideal camera.
+        distortion: What the lens does to the image of the ideal camera.
     """
 
     camera: PinholeCamera
