@@ -67,13 +67,14 @@ def hand_over(c: DockingContext) -> Twist | Transition:
 def _may_creep_unseen(c: DockingContext, view: PortView | None) -> bool:
     """Return whether the unit comes nearer to a target that it has just lost, or did not find before.
 
-    To one that it has never seen it comes nearer by what the overhead camera shows, in its next attempts.
+    To one that it has never seen it comes nearer in its next attempts, for which the long-distance phase has
+    brought it in front of the port.
     """
     search = c.tuning.search
     if c.memory.crept_s * search.creep_mps >= search.unseen_m:
         return False
     if view is None:
-        return c.assembler is not None and not c.ever_seen and 1 < c.attempt <= _NEARER_UP_TO
+        return not c.ever_seen and 1 < c.attempt <= _NEARER_UP_TO
     return _has_room(c, view)
 
 

@@ -34,9 +34,9 @@ from msrr_scenes.wording import counted
 #: no matter of sight, which goes wrong there with wheels that spin while the unit stands.
 _IN_HOLES = 0.5
 
-#: Failures by which a unit leaves its seat, or the holes. On a floor that holds its wheels it would most
-#: likely have stayed there.
-_SLIPPED = {FailureReason.OFF_AXIS, FailureReason.NOT_LATCHED, FailureReason.NOT_VERIFIED}
+#: Failures of a unit that is no longer in its seat, or in the holes. On a floor that holds its wheels it
+#: would most likely have stayed there.
+_SLIPPED = {FailureReason.OFF_AXIS, FailureReason.NOT_VERIFIED}
 
 #: Clearance beyond which a body stops no unit that knows where it is [m]: units stop within a tenth of that,
 #: and no place is as uncertain that somebody has seen in the last seconds.
@@ -155,8 +155,8 @@ def _slowed(c: DockingContext, twist: Twist, gap: float) -> Twist:
     turn, speed, share = c.setup.readable_turn(gap), c.greatest_speed(gap), 1.0
     if abs(twist.w) > turn:
         share = turn / abs(twist.w)
-    if share * twist.v > speed:
-        share = speed / twist.v
+    if twist.v > speed:
+        share = min(share, speed / twist.v)
     if share == 1.0:
         return twist
     c.memory.slowed(share, c.dt)

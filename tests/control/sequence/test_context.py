@@ -32,6 +32,20 @@ def test_a_timer_runs_while_its_condition_holds_without_a_break() -> None:
     ]
 
 
+@pytest.mark.parametrize("press_mps", [0.005, 0.02, 0.05, 0.2])
+def test_a_unit_that_slips_gets_slower_but_passes_the_holes_in_the_time_that_it_has(
+    facts: DockSetup, press_mps: float
+) -> None:
+    law, spec = build_controller(Choice(name="c1"), facts), DockingSpec(press_mps=press_mps)
+    context, least = DockingContext(spec, facts, law, None, PhaseTuning(), 0.02), facts.pin_reach / 2.0
+    assert (spec.stall_time_s, context.greatest_speed(0.1)) == (2.0, math.inf)
+    for _ in range(5):
+        before = context.press_mps
+        context.slow_down()
+        assert min(before, least) <= context.press_mps <= max(0.5 * before, min(before, least))
+    assert context.press_mps == pytest.approx(min(press_mps, least))
+
+
 @pytest.mark.parametrize("step", [0.003, 0.004, 0.006])
 @pytest.mark.parametrize("port", np.linspace(-0.006, 0.006, 13).tolist())
 def test_jams_lead_to_the_port_from_both_sides(step: float, port: float) -> None:

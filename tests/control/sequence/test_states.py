@@ -279,6 +279,28 @@ def test_a_unit_that_has_seen_nothing_searches_about_its_first_heading(desk: Des
     assert math.copysign(1.0, action.twist.w) == -math.copysign(1.0, w)
 
 
+@pytest.mark.parametrize("by", ["sight", "route"])
+def test_a_search_begins_where_the_unit_last_faced_the_port(facts: DockSetup, by: str) -> None:
+    """It looks to the left first, and would turn to the right if it counted turns of before."""
+    desk = Desk(facts, assembler=_InPlace(10 if by == "route" else 0))
+    for _ in range(10):
+        desk.ask(None, twist=Twist(0.0, 1.0))
+    if by == "sight":
+        assert desk.ask(desk.at(0.7), covariance=_wide(0.1, 0.1)).phase is Phase.HAND_OVER
+    turns = [desk.ask(None).twist for _ in range(50)]
+    assert all(turn.v == 0.0 and turn.w >= 0.0 for turn in turns)
+    assert turns[-1].w > 0.0
+
+
+def test_a_target_that_was_seen_is_not_looked_for_blindly_from_nearer(facts: DockSetup) -> None:
+    """It may be near, where one that the long-distance phase has led to is not."""
+    desk = Desk(facts, assembler=_InPlace())
+    desk.ask(desk.at(0.3), covariance=_wide(0.1, 0.1))
+    while desk.machine.attempt < 3:
+        action = desk.ask(None, lock=(LockPosition.OPEN, desk.now_ns + DT_NS))
+        assert action.phase is not Phase.HAND_OVER or action.twist.v == 0.0
+
+
 # At the port: pressing, and what makes it close the lock.
 
 
@@ -326,6 +348,33 @@ def test_a_unit_that_turns_too_far_at_the_port_was_beside_the_axis_or_slid_away(
     assert backs.twist.v < 0.0
     assert press.twist.v == desk.spec.press_mps * (TUNING.slower_share if at_bottom else 1.0)
     assert max(abs(backs.twist.w), abs(press.twist.w)) < 1e-9  # it is on the line at which it aims
+    if at_bottom:  # not in this attempt
+        for _ in range(30):
+            desk.ask(desk.at(0.6 * desk.facts.pin_reach), closed=False)
+        assert desk.ask(turned, closed=False).phase is Phase.RETREAT
+        while desk.machine.phase is not Phase.DOCK:
+            desk.ask(desk.at(desk.spec.retreat_m), closed=False)
+        rim = (1.0 - TUNING.capture_share) * desk.facts.mouth
+        assert abs(desk.ask(desk.at(0.9 * desk.facts.pin_reach, rim), closed=False).twist.w) < 1e-9
+
+
+def test_a_unit_that_sees_itself_arrive_beside_the_port_aims_at_it_again(desk: Desk) -> None:
+    desk.to_dock()
+    assert desk.ask(desk.at(desk.facts.pin_reach, 1.05 * CAPTURE_M), closed=False).phase is Phase.RETREAT
+    while desk.machine.phase is not Phase.DOCK:
+        desk.ask(desk.at(desk.spec.retreat_m), closed=False, lock=(LockPosition.OPEN, desk.now_ns + DT_NS))
+    assert abs(desk.ask(desk.at(desk.facts.pin_reach), closed=False).twist.w) < 1e-9
+
+
+def test_a_unit_that_is_not_held_in_its_seat_comes_more_slowly_the_next_time(desk: Desk) -> None:
+    desk.to_verify()
+    while desk.machine.phase is Phase.VERIFY:
+        desk.ask(desk.at(0.0), closed=(True, False))
+    assert desk.machine.belief.setback is FailureReason.NOT_VERIFIED
+    while desk.machine.phase is not Phase.DOCK:
+        desk.ask(desk.at(desk.spec.retreat_m), closed=False, lock=(LockPosition.OPEN, desk.now_ns + DT_NS))
+    press = desk.ask(desk.at(desk.facts.pin_reach), closed=False)
+    assert press.twist.v == TUNING.slower_share * desk.spec.press_mps
 
 
 @pytest.mark.parametrize("mouth", [0.0005, 0.003, 0.04])
@@ -1073,14 +1122,18 @@ Pictures = Callable[[int, int], int | None]
 
 
 class _InPlace:
-    """A long-distance phase that finds the unit where it should be."""
+    """A long-distance phase that finds the unit where it should be, after some instants."""
 
     progress = path = None
+
+    def __init__(self, instants: int = 0) -> None:
+        self.instants = instants
 
     def reset(self, reason: str) -> None: ...
 
     def step(self, observation: Observation) -> Twist | None:
-        return None
+        self.instants -= 1
+        return Twist() if self.instants >= 0 else None
 
 
 def waited_s(
