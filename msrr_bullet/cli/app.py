@@ -31,6 +31,7 @@ from msrr_bullet.cli import (
     run_commands,
     study_commands,
     sweep_commands,
+    sweep_results_commands,
     tolerance_command,
 )
 from msrr_bullet.cli.console import open_closed_streams, open_console
@@ -265,8 +266,8 @@ def _robots(scene: Scene) -> Iterator[str]:
         )
 
 
-app.command()(sweep_commands.compare)
-app.command()(sweep_commands.merge)
+app.command()(sweep_results_commands.compare)
+app.command()(sweep_results_commands.merge)
 app.command()(bench_commands.bench)
 app.command()(run_commands.replay)
 app.command()(study_commands.tune)

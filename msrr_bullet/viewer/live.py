@@ -10,25 +10,23 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-
-import numpy as np
 
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import server
 from msrr_bullet.viewer.arena_belief import LIVE_PLAN_NODE, plan_commands
 from msrr_bullet.viewer.commands import Command, NodeState, place
+from msrr_bullet.viewer.growing_path import GrowingPath
 from msrr_bullet.viewer.live_cameras import LiveCameras, StillDrawer
 from msrr_bullet.viewer.page import render_page
 from msrr_bullet.viewer.readings import labels, readings, unit_readings
 from msrr_bullet.viewer.replay_data import camera_data
-from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at, path_commands
+from msrr_bullet.viewer.scene_graph import SceneGraph, look_at, path_commands
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
-from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, AssemblyPath, seconds
 from msrr_scenes.specs.scene import Scene
 
@@ -39,9 +37,6 @@ DEFAULT_PORT = 7000
 MAX_RATE = 30.0
 #: Time limits for the server to start, to read, and to end [s].
 START_TIMEOUT, WRITE_TIMEOUT, CLOSE_TIMEOUT = 20.0, 5.0, 2.0
-#: Number of points of a path that are drawn as one band, so that the cost of an update does not grow with the
-#: length of the path.
-BAND_POINTS = 100
 
 
 class ViewerError(MsrrError):
@@ -81,8 +76,8 @@ class LiveViewer:
         self._pace, self._labels = pace, labels(scene)
         self._placed: dict[str, NodeState] = {}
         draw = self._graph.mission.way if scene.coordinated else _draw_truth
-        self._true_paths = {unit: _GrowingPath(unit, draw) for unit in scene.units}
-        self._believed_paths = {unit: _GrowingPath(unit, _draw_belief) for unit in scene.units}
+        self._true_paths = {unit: GrowingPath(unit, draw) for unit in scene.units}
+        self._believed_paths = {unit: GrowingPath(unit, _draw_belief) for unit in scene.units}
         self._plans: dict[str, AssemblyPath] = {}  # newest planned path of every unit
         self._view_set = False
         self._next_update = 0.0
@@ -267,39 +262,3 @@ def _draw_truth(unit: str, piece: int, points: Sequence[Array]) -> Iterator[Comm
 
 def _draw_belief(unit: str, piece: int, points: Sequence[Array]) -> Iterator[Command]:
     return path_commands(f"belief_{unit}_{piece}", points)
-
-
-class _GrowingPath:
-    """Path of a unit as a sequence of bands, of which only the last is redrawn when the path grows."""
-
-    def __init__(self, unit: str, draw: Callable[[str, int, Sequence[Array]], Iterator[Command]]) -> None:
-        self._unit, self._draw_piece = unit, draw
-        self._index = 0
-        self._points: list[Array] = []
-        self._waiting: list[Command] = []
-        self._grown = False
-
-    def add(self, X: SE2 | None) -> None:
-        if X is None:
-            if self._points:
-                self._finish([])
-            return
-        if self._points and np.linalg.norm(X.translation - self._points[-1]) < PATH_STEP:
-            return
-        self._points.append(X.translation)
-        self._grown = True
-        if len(self._points) >= BAND_POINTS:
-            self._finish(self._points[-1:])
-
-    def _finish(self, start: list[Array]) -> None:
-        self._waiting += self._draw()
-        self._index += 1
-        self._points = start
-
-    def _draw(self) -> Iterator[Command]:
-        self._grown = False
-        return self._draw_piece(self._unit, self._index, tuple(self._points))
-
-    def commands(self) -> list[Command]:
-        commands, self._waiting = self._waiting, []
-        return commands + list(self._draw()) if self._grown else commands

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
-from msrr_control.sequence.context import Aim, DockingContext, HoldTimer, StateMemory
+from msrr_control.sequence.aim import Aim
+from msrr_control.sequence.context import DockingContext, HoldTimer, StateMemory
 from msrr_control.sequence.observation import Observation
 from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.geometry.se2 import SE2
