@@ -77,6 +77,7 @@ class Judge:
         self.pair: Pair = frozenset({step.unit, step.target_unit})
         self._neighbour_limits: Mapping[Pair, float] = {}
         self._known_locks: list[DockStep] = []
+        self._looked = SE2(), SE2(), PortPose(math.inf, 0.0, 0.0)  # at unit, dock frame and port
         self._travel = _PUSH_M + scene.limits.v_max_mps / scene.control.rate_hz
         self._attempt = 0
         self._close = False
@@ -106,8 +107,16 @@ class Judge:
 
         Near the target it is that at the height of the pins, by pitch and roll; elsewhere that in the plane.
         """
+        X_WU, X_WD = self._plant.pose(self._unit), self.X_WD()
+        known_U, known_D, port = self._looked
+        if X_WU is not known_U or X_WD is not known_D:  # it is asked for several times an instant
+            port = self._port_pose(X_WU, X_WD)
+            self._looked = X_WU, X_WD, port
+        return port
+
+    def _port_pose(self, X_WU: SE2, X_WD: SE2) -> PortPose:
         # In floats, because poses would take three times as long.
-        X_WU, X_UP, X_WD = self._plant.pose(self._unit), self._X_UP_plane, self.X_WD()
+        X_UP = self._X_UP_plane
         c, s = math.cos(X_WU.yaw), math.sin(X_WU.yaw)
         dx, dy = X_WU.x + c * X_UP.x - s * X_UP.y - X_WD.x, X_WU.y + s * X_UP.x + c * X_UP.y - X_WD.y
         c, s = math.cos(X_WD.yaw), math.sin(X_WD.yaw)
@@ -176,6 +185,8 @@ class Judge:
             )
         if port.gap < self._deepest:
             self._deepest, self._deepest_pose = port.gap, port
+        if self._was_seated:  # until the next attempt
+            return
         # A gap that counts as seated may leave the pins out of reach of the lock: to give up is right then.
         if not (self._is_seated(port) and self._plant.lock_in_reach(self.step.unit)):
             self._seated_since = None

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -55,7 +54,7 @@ def by_parts(
     covariance = np.tensordot(shares, [one.covariance for one in found], axes=1) + (shares * off.T) @ off
     cost = min(costs) - 2.0 * math.log(float(np.exp(-0.5 * (np.array(costs) - min(costs))).sum()))
     scale = float(shares @ [one.noise_scale for one in found])
-    return replace(best, mean=best.mean + mean, covariance=covariance, noise_scale=scale, cost=cost)
+    return best._replace(mean=best.mean + mean, covariance=covariance, noise_scale=scale, cost=cost)
 
 
 def _parts(prior: FilterState, clock: int) -> list[FilterState]:
@@ -71,6 +70,6 @@ def _parts(prior: FilterState, clock: int) -> list[FilterState]:
     costs = off**2 / (variance - width**2)
     costs += 2.0 * math.log(float(np.exp(-0.5 * costs).sum()))
     return [
-        replace(prior, mean=prior.mean + change * d, covariance=covariance, cost=prior.cost + cost)
+        prior._replace(mean=prior.mean + change * d, covariance=covariance, cost=prior.cost + cost)
         for d, cost in zip(off.tolist(), costs.tolist(), strict=True)
     ]

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -139,8 +138,8 @@ class CornerUpdate:
         # Joseph's form keeps the covariance positive definite whatever the gain's rounding.
         covariance = left @ P @ left.T + gain @ measurement.covariance @ gain.T
         cost = prior.cost + distance + _log_determinant(S)
-        return replace(
-            prior, mean=mean, covariance=covariance, last_seen_ns=prior.stamp_ns, rejected=0, cost=cost
+        return prior._replace(
+            mean=mean, covariance=covariance, last_seen_ns=prior.stamp_ns, rejected=0, cost=cost
         )
 
     def _by_corners(self, prior: FilterState, measured: MeasuredCorners, rates: Rates) -> FilterState | None:
@@ -178,8 +177,7 @@ class CornerUpdate:
         rejected = prior.rejected if left_out else 0
         found = scale * chi2 / seen.corners.size
         scale = (1.0 - _NOISE_SHARE) * scale + _NOISE_SHARE * found
-        return replace(
-            prior,
+        return prior._replace(
             mean=mean,
             covariance=covariance,
             last_seen_ns=prior.stamp_ns,
@@ -200,7 +198,8 @@ class CornerUpdate:
         if smear_px <= _SMEAR_MODULES:  # no tag can be read whose modules have less than a pixel
             return measured
         corners = measured.corners.reshape(-1, 4, 2)
-        edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        sides = corners - corners[:, (3, 0, 1, 2)]
+        edges = np.sqrt(np.square(sides).sum(axis=2).max(axis=1))
         more = np.where(smear_px > _SMEAR_MODULES * edges / TAG_MODULES, _SMEARED_PX, 0.0)
         return measured._replace(sigma_px=np.hypot(measured.sigma_px, more[:, None]))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -47,4 +46,4 @@ def in_seat(target: TargetModel, state: FilterState) -> FilterState:
     gain = np.linalg.solve(S, H @ state.covariance).T
     left = np.eye(len(state.mean)) - gain @ H
     covariance = left @ state.covariance @ left.T + (gain * sigmas**2) @ gain.T
-    return replace(state, mean=state.mean + gain @ off, covariance=covariance)
+    return state._replace(mean=state.mean + gain @ off, covariance=covariance)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.hypotheses import likeliest
 from msrr_perception.estimation.measurement_history import Measurement
@@ -59,7 +57,7 @@ class FilterStep:
         rates = AT_REST
         if isinstance(measurement, Detections) or self._motion.learns_clock:
             rates = self._motion.rates(prior, self._wheels)
-            prior = replace(prior, wheels_until_ns=self._motion.wheels_until(prior))
+            prior = prior._replace(wheels_until_ns=self._motion.wheels_until(prior))
         undetermined = _is_undetermined(prior)
         after = agreeing = None if undetermined else self._update.correct(prior, measurement, rates)
         rejected = agreeing.rejected if agreeing is not None else prior.rejected + 1
@@ -69,11 +67,11 @@ class FilterStep:
         if after is None:
             exposures = prior.exposures + ExposureCounts(rejected=1)
             cost = prior.cost + self._update.cost_outside(measurement)
-            return replace(prior, rejected=rejected, exposures=exposures, cost=cost)
+            return prior._replace(rejected=rejected, exposures=exposures, cost=cost)
         if agreeing is not None:
-            return replace(after, exposures=prior.exposures + ExposureCounts(used=1))
+            return after._replace(exposures=prior.exposures + ExposureCounts(used=1))
         exposures = prior.exposures + ExposureCounts(without_wheels=1)
-        return replace(after, wheels_doubted_ns=prior.stamp_ns, exposures=exposures)
+        return after._replace(wheels_doubted_ns=prior.stamp_ns, exposures=exposures)
 
     def _start(
         self,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -148,9 +147,10 @@ class DriveMotion:
         steps, wheels = self._steps(state, history, stamp_ns)
         mean, P = state.mean.copy(), state.covariance.copy()
         propagate(mean, P, steps, self._packed_drive)
-        self._add_of_wheels(mean, P, self._between_readings(history, state.stamp_ns, stamp_ns))
-        return replace(
-            state,
+        between = self._between_readings(history, state.stamp_ns, stamp_ns)
+        if between > 0.0:
+            self._add_of_wheels(mean, P, between)
+        return state._replace(
             stamp_ns=stamp_ns,
             mean=mean,
             covariance=P,
@@ -174,15 +174,16 @@ class DriveMotion:
 
     def doubting(self, state: FilterState) -> FilterState:
         """Return a state at a measurement with what the wheels have told since the last one in doubt."""
-        moved = replace(state, covariance=state.covariance.copy())
+        moved = state._replace(covariance=state.covariance.copy())
         off = (self._doubted * seconds(state.stamp_ns - state.last_seen_ns)) ** 2
         self._add_of_wheels(moved.mean, moved.covariance, off)
         moved.covariance[[0, 1], [0, 1]] += off  # one that is pushed aside drives without its wheels
         return moved
 
-    def _between_readings(self, history: WheelHistory, *stamps_ns: int) -> float:
-        """Return the variance that accelerations add to the way of a wheel between instants [m^2]."""
-        return sum((self._acceleration * history.off_by(stamp_ns)) ** 2 for stamp_ns in stamps_ns)
+    def _between_readings(self, history: WheelHistory, first_ns: int, last_ns: int) -> float:
+        """Return the variance that accelerations add to the way of a wheel between two instants [m^2]."""
+        first, last = history.off_by(first_ns), history.off_by(last_ns)
+        return (self._acceleration * first) ** 2 + (self._acceleration * last) ** 2
 
     def _add_of_wheels(self, mean: Array, P: Array, variance: float) -> None:
         """Add an error of the way of each wheel for itself, of a variance [m^2], to a covariance in place."""

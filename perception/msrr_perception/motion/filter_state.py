@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,7 @@ from msrr_scenes.messages import ExposureCounts
 _NO_EXPOSURES = ExposureCounts()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FilterState:
+class FilterState(NamedTuple):
     """The state of the filter at one instant.
 
     Attributes:

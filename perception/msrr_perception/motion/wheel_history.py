@@ -150,9 +150,9 @@ class WheelHistory:
             return 0.0
         before_ns, after_ns = stamps[i - 1], stamps[i]
         apart_ns, beyond_ns = after_ns - before_ns, stamp_ns - after_ns
-        if stamp_ns < before_ns or apart_ns > _SILENT_NS or beyond_ns > _lasts_ns(apart_ns):
-            return 0.0
         if max(apart_ns, beyond_ns) < _DENSE_NS:
+            return 0.0
+        if stamp_ns < before_ns or apart_ns > _SILENT_NS or beyond_ns > _lasts_ns(apart_ns):
             return 0.0
         return 0.5 * abs(seconds(stamp_ns - before_ns) * seconds(beyond_ns))
 

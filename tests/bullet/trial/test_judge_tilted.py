@@ -26,6 +26,7 @@ from tests.bullet.conftest import bench
 def put(world: BulletWorld, name: str, X_WU: SE3) -> None:
     """Put a unit at a pose in space."""
     unit = world.unit(name)
+    world.place(name, SE2(), world.wheel_angles(name))  # the world remembers where a unit is until it moves
     X_WI = X_WU @ unit.X_IU.inverse()
     pybullet.resetBasePositionAndOrientation(
         unit.body, X_WI.p, X_WI.quaternion_xyzw(), physicsClientId=world.client

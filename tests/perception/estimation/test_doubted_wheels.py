@@ -126,8 +126,8 @@ def test_wheels_are_doubted_for_a_second_after_they_last_disagreed() -> None:
     trusted = FilterState(2 * NS_PER_S, np.zeros(8), np.eye(8), None, last_seen_ns=0)
     assert [doubts_wheels(trusted, pose, k) for k in (0, 1, 2, 3, 4)] == [False, False, False, True, True]
     for since_ns, doubts in ((0, True), (NS_PER_S, True), (NS_PER_S + 1, False)):
-        doubted = replace(trusted, wheels_doubted_ns=trusted.stamp_ns - since_ns)
+        doubted = trusted._replace(wheels_doubted_ns=trusted.stamp_ns - since_ns)
         assert doubts_wheels(doubted, pose, 0) == doubts
     for since_ns, doubts in ((NS_PER_S // 4, True), (NS_PER_S // 4 + 1, False)):
-        seen = replace(trusted, last_seen_ns=trusted.stamp_ns - since_ns)
+        seen = trusted._replace(last_seen_ns=trusted.stamp_ns - since_ns)
         assert doubts_wheels(seen, picture, 3) == doubts

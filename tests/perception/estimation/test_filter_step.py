@@ -62,7 +62,7 @@ def test_a_state_whose_position_is_unknown_is_started_anew_at_once(stepper: Step
     for sigma, doubted_ns, counts in ((9.9, None, used), (10.1, None, anew), (10.1, 0, anew)):
         covariance = stepper.first.covariance.copy()
         covariance[axis, axis] = sigma**2
-        before = replace(stepper.first, covariance=covariance, wheels_doubted_ns=doubted_ns)
+        before = stepper.first._replace(covariance=covariance, wheels_doubted_ns=doubted_ns)
         after = not_none(stepper.step.take(before, _measured(X_DU)))
         assert after.exposures == counts
         assert after.rejected == 0
@@ -72,7 +72,7 @@ def test_a_state_whose_position_is_unknown_is_started_anew_at_once(stepper: Step
 def test_both_axes_together_make_a_position_unknown(stepper: Stepper) -> None:
     covariance = stepper.first.covariance.copy()
     covariance[[0, 1], [0, 1]] = 7.2**2
-    after = not_none(stepper.step.take(replace(stepper.first, covariance=covariance), _measured(X_DU)))
+    after = not_none(stepper.step.take(stepper.first._replace(covariance=covariance), _measured(X_DU)))
     assert after.exposures == ExposureCounts(used=1, rejected=1)
 
 
@@ -98,7 +98,7 @@ def test_a_measurement_that_starts_nothing_leaves_the_state_as_it_was(
     stepper: Stepper, target: TargetModel
 ) -> None:
     """Two tags that disagree with each other as well, when a new start is due."""
-    last, (one, two, _) = replace(stepper.first, rejected=9), see(pose_vector(X_DU), target.port_tags)
+    last, (one, two, _) = stepper.first._replace(rejected=9), see(pose_vector(X_DU), target.port_tags)
     tags = (replace(one, corners=one.corners + 100.0), replace(two, corners=two.corners - 80.0))
     after = not_none(stepper.step.take(last, Detections(NEXT, tags, ())))
     assert (after.rejected, after.last_seen_ns) == (10, 0)
@@ -110,7 +110,7 @@ def test_whichever_pose_of_a_new_start_leads_counts_on_from_the_state_before(
     stepper: Stepper, target: TargetModel
 ) -> None:
     """One tag leaves poses open; the count began again where another one than the first took the lead."""
-    last, elsewhere = replace(stepper.first, rejected=RESET_AFTER - 1), SE2(-0.8, -0.1, 0.2)
+    last, elsewhere = stepper.first._replace(rejected=RESET_AFTER - 1), SE2(-0.8, -0.1, 0.2)
     after = stepper.step.take(last, Detections(NEXT, see(pose_vector(elsewhere), target.port_tags[:1]), ()))
     assert after is not None
     assert after.alternatives
@@ -123,9 +123,9 @@ def test_whichever_pose_of_a_new_start_leads_counts_on_from_the_state_before(
 def test_a_pose_with_which_a_measurement_does_not_agree_is_less_likely(stepper: Stepper) -> None:
     mean = stepper.first.mean.copy()
     mean[0] -= 0.3
-    other = replace(stepper.first, mean=mean, alternatives=())
+    other = stepper.first._replace(mean=mean, alternatives=())
     for one, another in ((stepper.first, other), (other, stepper.first)):
-        after = not_none(stepper.step.take(replace(one, alternatives=(another,)), _measured(X_DU)))
+        after = not_none(stepper.step.take(one._replace(alternatives=(another,)), _measured(X_DU)))
         np.testing.assert_allclose(after.mean[:2], X_DU.translation, atol=0.01)
         assert after.alternatives == ()
         assert after.exposures == ExposureCounts(used=2)
@@ -136,24 +136,24 @@ def test_wheels_that_agree_again_are_trusted_after_they_did_not(stepper: Stepper
     wheels = not_none(stepper.wheels.angles_at(NEXT.stamp_ns))
     measured = _measured(X_DU @ SE2(wheels.left * stepper.wheel_radius, 0.0, 0.0))
     at_once = stepper.step.take(stepper.first, measured)
-    again = stepper.step.take(replace(stepper.first, rejected=RESET_AFTER - 1), measured)
+    again = stepper.step.take(stepper.first._replace(rejected=RESET_AFTER - 1), measured)
     assert at_once is not None
     assert again is not None
     np.testing.assert_array_equal(again.mean, at_once.mean)
     np.testing.assert_array_equal(again.covariance, at_once.covariance)
     assert (again.exposures, again.rejected) == (ExposureCounts(used=2), 0)
-    third = not_none(stepper.step.take(replace(stepper.first, rejected=2), measured))
+    third = not_none(stepper.step.take(stepper.first._replace(rejected=2), measured))
     np.testing.assert_array_equal(third.covariance, at_once.covariance)
 
 
 def test_what_agrees_only_without_the_wheels_is_counted_and_dated(stepper: Stepper) -> None:
     """Wheels that are doubted already, and a unit that has been carried 2 cm aside meanwhile."""
     aside = X_DU @ SE2(0.0, 0.02, 0.0)
-    doubted = replace(stepper.first, wheels_doubted_ns=0)
+    doubted = stepper.first._replace(wheels_doubted_ns=0)
     after = not_none(stepper.step.take(doubted, _measured(aside)))
     assert after.exposures == ExposureCounts(used=1, without_wheels=1)
     assert (after.wheels_doubted_ns, after.rejected) == (NEXT.stamp_ns, 0)
-    last = not_none(stepper.step.take(replace(doubted, rejected=RESET_AFTER - 1), _measured(aside)))
+    last = not_none(stepper.step.take(doubted._replace(rejected=RESET_AFTER - 1), _measured(aside)))
     assert last.exposures == ExposureCounts(used=1, rejected=1), "it starts anew, and trusts the wheels"
     assert last.wheels_doubted_ns is None
     trusted = not_none(stepper.step.take(stepper.first, _measured(aside)))

@@ -87,7 +87,7 @@ def _by_numpy(
     cost += np.linalg.slogdet(information + J.T @ J)[1] - np.linalg.slogdet(information)[1]
     cost += chi2.ppf(GATE, 8) * (len(tags) - sum(inside))
     scale = float(np.clip(scale, 1.0, 100.0))
-    return replace(prior, mean=x, covariance=covariance, noise_scale=scale, cost=prior.cost + cost), True
+    return prior._replace(mean=x, covariance=covariance, noise_scale=scale, cost=prior.cost + cost), True
 
 
 def _prior(target: TargetModel, rng: np.random.Generator) -> FilterState:

@@ -115,13 +115,13 @@ def test_the_covariance_moves_by_the_derivative_of_the_motion(target: TargetMode
     state = _start(motion, SE2(-0.7, 0.1, 0.3), history)
     n = len(state.mean)
     A = rng.normal(0.0, 0.01, (n, n))
-    state = replace(state, covariance=A @ A.T)
+    state = state._replace(covariance=A @ A.T)
     end = motion.propagate(state, history, 10 * TICK_NS)
     h, F = 1e-6, np.empty((n, n))
     for i in range(n):
         e = h * np.eye(n)[i]
         ahead, behind = (
-            motion.propagate(replace(state, mean=state.mean + s * e), history, 10 * TICK_NS).mean
+            motion.propagate(state._replace(mean=state.mean + s * e), history, 10 * TICK_NS).mean
             for s in (1, -1)
         )
         F[:, i] = (ahead - behind) / (2.0 * h)
@@ -175,7 +175,7 @@ def test_what_readings_are_rounded_by_is_in_the_covariance(target: TargetModel) 
 def test_tilt_forgets_and_scales_do_not(target: TargetModel) -> None:
     motion = DriveMotion(target, OdometrySpec(), DEFAULT_NOISE)
     state = _start(motion, SE2(-0.7, 0.0, 0.0), WheelHistory())
-    state = replace(state, mean=np.array([-0.7, 0.0, 0.0, 0.01, -0.01, 0.02, 0.01, 0.005, 0.01]))
+    state = state._replace(mean=np.array([-0.7, 0.0, 0.0, 0.01, -0.01, 0.02, 0.01, 0.005, 0.01]))
     later = motion.propagate(state, WheelHistory(), 10 * 1_000_000_000)
     np.testing.assert_allclose(later.mean[3:5], 0.0, atol=1e-5)
     np.testing.assert_allclose(later.covariance[3, 3], DEFAULT_NOISE.tilt_sigma**2, rtol=1e-3)
@@ -216,7 +216,7 @@ def test_what_the_encoders_do_not_measure_adds_up_from_its_parts(
         before = first * np.sign(turned)
         history = _wheels(*np.array([[0.0, 0.0], before, before + turned]).T)
         motion = DriveMotion(target, spec, kind)
-        state = replace(_start(motion, SE2(x, 0.02, 0.3), history), stamp_ns=TICK_NS, wheels=None)
+        state = _start(motion, SE2(x, 0.02, 0.3), history)._replace(stamp_ns=TICK_NS, wheels=None)
         after.append(motion.propagate(state, history, 2 * TICK_NS))
     at_port = -x - target.front - target.mechanism.pin_length < noise.contact_zone
     assert at_port == (x > -0.2)
@@ -271,7 +271,7 @@ def test_the_rates_about_an_exposure_are_those_of_the_arc_that_is_driven(
     mean = start.mean.copy()
     mean[target.filter_layout.tags.columns[0, CLOCK]] = late_s
     mean[5:7] = 0.03, -0.02  # what was learned of the radii
-    rates = motion.rates(replace(start, stamp_ns=20 * TICK_NS, mean=mean), history)
+    rates = motion.rates(start._replace(stamp_ns=20 * TICK_NS, mean=mean), history)
 
     by_left, by_right = target.wheel_radius / (1e-9 * TICK_NS) * np.array([1.03 * left, 0.98 * right])
     v, w = 0.5 * (by_left + by_right), (by_right - by_left) / target.track
