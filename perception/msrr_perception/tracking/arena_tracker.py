@@ -25,6 +25,11 @@ def _noise(limits: LimitsSpec, clock_s: float) -> TrackNoise:
 
 
 @lru_cache(maxsize=256)
+def _track_after(track: BodyTrack | None, seen: SeenPose, noise: TrackNoise) -> BodyTrack:
+    """Return the track after a measurement, a new one if there was none."""
+    return track.after(seen, noise) if track else BodyTrack.at_rest(seen)
+
+
 @lru_cache(maxsize=256)
 def _pose(track: BodyTrack, stamp_ns: int, noise: TrackNoise) -> GlobalPose:
     """Return the pose of a body at an instant."""
@@ -79,8 +84,7 @@ class ArenaTracker:
 
     def add(self, seen: SeenPose) -> None:
         """Add a measured pose."""
-        track = self._tracks.get(seen.pose.name)
-        self._tracks[seen.pose.name] = track.after(seen, self.noise) if track else BodyTrack.at_rest(seen)
+        self._tracks[seen.pose.name] = _track_after(self._tracks.get(seen.pose.name), seen, self.noise)
 
     def knows(self, name: str) -> bool:
         """Return whether a body has been seen."""

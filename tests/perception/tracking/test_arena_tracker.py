@@ -58,6 +58,21 @@ def test_the_pose_of_a_body_that_stands_is_the_same_object_meanwhile(trackers: l
     assert tracker.poses(1995 * MS)["b"].stamp_ns == 1990 * MS
 
 
+def test_what_one_tracker_has_computed_serves_those_that_were_told_the_same(
+    trackers: list[ArenaTracker],
+) -> None:
+    """A mission has a tracker for each unit; without it eight of them compute every track eight times."""
+    for tracker in trackers:
+        tracker.reset()
+    for k in range(4):
+        told = [seen("b", 100 * k * MS, SE2()), seen("c", 100 * k * MS, SE2(0.02 * k, -0.5, 0.0))]
+        for tracker in trackers:
+            for one in told:
+                tracker.add(one)
+        always, sometimes = (tracker.poses(100 * k * MS) for tracker in trackers)
+        assert {name: sometimes[name] is pose for name, pose in always.items()} == {"b": True, "c": True}
+
+
 def test_what_a_message_of_the_overhead_camera_shows(trackers: list[ArenaTracker]) -> None:
     """Exact corners give the true poses, with the errors of a data sheet beside those of the corners."""
     tracker, _ = trackers
