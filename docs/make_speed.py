@@ -33,9 +33,11 @@ INTRODUCTION = """\
 {machine}, of which one is used; Python {python}, PyBullet {pybullet}, NumPy {numpy}. Times are wall clock per
 simulated second of one trial, log and viewer off, each in a process of its own: the fastest of three runs
 after a first one. *Physics alone* is the same world with the same commands, and nothing that senses or
-decides: the ratio to it says more about another machine than milliseconds do. `make bench` measures the
-first table again, and fails if a trial costs much more over its physics alone than here. `python
-docs/make_speed.py` makes this page of the files that the commands below write.
+decides: the ratio to it says more about another machine than milliseconds do. *Calls of functions*
+counts those from Python, of which every run with the same versions has as many, however busy the machine is.
+`make bench` measures the first table and careful robots of the third one again, and fails if a trial costs
+much more over its physics alone than here, or calls a twentieth more functions. `python docs/make_speed.py`
+makes this page of the files that the commands below write.
 
 The overhead camera has 1280 x 960 pixels at 10 Hz, the camera of a docking unit 640 x 480 at 25 Hz. Units
 of the [grade](../explanation/as_built.md) *careful* have lenses that distort and cameras that expose for 10

@@ -25,7 +25,11 @@ _LINE_S = 20.0
 #: comparison: two runs on a busy machine of two cores have differed by up to a fifth.
 ALLOWED = 1.4
 
-#: How often a variant that costs more than that is measured in all. Other programs that use the memory slow
+#: The same factor for the number of calls of functions, which no other program changes: room for what a
+#: feature costs, and for other versions of the packages.
+ALLOWED_CALLS = 1.05
+
+#: How often a variant that takes longer than that is measured in all. Other programs that use the memory slow
 #: rendering down more than physics, so that even this ratio of a trial has been 1.4 times as large.
 _MEASUREMENTS = 3
 
@@ -135,7 +139,7 @@ def compare_speeds(
         observer(name)
         earlier = None if before is None else before.variants.get(name)
         speeds = [_measured(scene)]
-        while earlier and _costs_more(speeds[-1], earlier) and len(speeds) < _MEASUREMENTS:
+        while earlier and _takes_longer(speeds[-1], earlier) and len(speeds) < _MEASUREMENTS:
             observer(f"{name}, again")
             speeds.append(_measured(scene))
         found[name] = min(speeds, key=lambda speed: speed.times_physics_alone)
@@ -153,7 +157,7 @@ def _measured(scene: Scene) -> TrialSpeed:
         return speed
 
 
-def _costs_more(now: TrialSpeed, then: TrialSpeed) -> bool:
+def _takes_longer(now: TrialSpeed, then: TrialSpeed) -> bool:
     return now.times_physics_alone > ALLOWED * then.times_physics_alone
 
 
@@ -195,6 +199,7 @@ def summary_rows(found: SpeedComparison, before: SpeedComparison | None = None) 
         ["in all", *(f"{1e3 / s.real_time_factor:.1f} ms" for s in speeds)],
         ["physics alone", *(f"{s.physics_alone_ms_per_s:.1f} ms" for s in speeds)],
         ["over physics alone", *(f"{s.times_physics_alone:.2f}" for s in speeds)],
+        ["calls of functions", *(f"{s.calls_per_s:,.0f}" for s in speeds)],
         ["real time factor", *(f"{s.real_time_factor:.1f}" for s in speeds)],
         ["units under way, on average", *(f"{s.units_under_way:.1f}" for s in speeds)],
         ["memory at its peak", *(f"{s.peak_mb:.0f} MB" for s in speeds)],
@@ -206,9 +211,11 @@ def summary_rows(found: SpeedComparison, before: SpeedComparison | None = None) 
 
 
 def slower_than(found: SpeedComparison, before: SpeedComparison) -> list[str]:
-    """Return what costs more, over physics alone, than :data:`ALLOWED` times that of an earlier comparison.
+    """Return what costs more than in an earlier comparison by more than its factor.
 
-    Physics alone is measured in the same process as the trial, so that the machines may differ.
+    The factor is :data:`ALLOWED` for the time over that of physics alone, and :data:`ALLOWED_CALLS` for the
+    number of calls of functions. Physics alone is measured in the same process as the trial, so that the
+    machines may differ.
 
     Raises:
         BenchError: The two have no variant in common.
@@ -216,11 +223,14 @@ def slower_than(found: SpeedComparison, before: SpeedComparison) -> list[str]:
     slower = []
     for name in _common(found.scene, found.variants, before):
         now, then = (each.variants[name] for each in (found, before))
-        if _costs_more(now, then):
-            costs = (
+        costs = []
+        if _takes_longer(now, then):
+            costs.append(
                 f"{now.times_physics_alone:.2f} times physics alone, {then.times_physics_alone:.2f} before"
             )
-            slower.append(f"{found.scene}, {name}: {costs}")
+        if now.calls_per_s > ALLOWED_CALLS * then.calls_per_s:
+            costs.append(f"{now.calls_per_s:,.0f} calls of functions, {then.calls_per_s:,.0f} before")
+        slower += [f"{found.scene}, {name}: {cost}" for cost in costs]
     return slower
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import resource
 import sys
+from contextlib import AbstractContextManager
+from cProfile import Profile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +14,7 @@ from rich.table import Table
 
 from msrr_bullet.bench.physics_alone import note_commands
 from msrr_bullet.bench.unit_cost import UnitCost, measure_unit_cost
-from msrr_bullet.profiler import StageProfiler
+from msrr_bullet.profiler import NullProfiler, StageProfiler
 from msrr_bullet.run import run_trial
 from msrr_bullet.trial.check import check_trial
 from msrr_bullet.trial.result import TrialResult
@@ -58,6 +60,8 @@ class TrialSpeed(BaseModel, frozen=True):
         stages_ms_per_s: Wall-clock time of each stage of the loop per simulated second.
         control_step_ms: Time of one control step: estimator query, laws and phase machine, without the
             collision monitor [ms].
+        calls_per_s: Calls of functions from Python, compiled ones too, per simulated second. With the same
+            versions of the packages every run has as many, however busy the machine is.
         unit_cost: What one unit costs in a mission of a base station of three and more that begin apart from
             each other; None otherwise.
         start_up_s: Time that the first trial of a process takes longer than the next ones.
@@ -78,6 +82,7 @@ class TrialSpeed(BaseModel, frozen=True):
     physics_alone_ms_per_s: float
     stages_ms_per_s: dict[str, float]
     control_step_ms: float
+    calls_per_s: float
     unit_cost: UnitCost | None
     start_up_s: float
     peak_mb: float
@@ -124,6 +129,7 @@ def measure_trial_speed(scene: Scene, seed: int = 0, *, naive: bool = True) -> T
     trial = min((run for run, _ in turns), key=lambda run: run.ms_per_s)
     alone_ms_per_s = min(alone for _, alone in turns)
     peak = peak_mb()
+    calls = calls_per_s(scene, seed)
     slow = coarse = None
     if naive and not scene.coordinated:
         slow = coarse = _run_timed(naive_loop(scene), seed)
@@ -149,6 +155,7 @@ def measure_trial_speed(scene: Scene, seed: int = 0, *, naive: bool = True) -> T
         physics_alone_ms_per_s=alone_ms_per_s,
         stages_ms_per_s=trial.stages_ms_per_s,
         control_step_ms=trial.stages_ms_per_s.get(_CONTROL, 0.0) / scene.control.rate_hz,
+        calls_per_s=calls,
         unit_cost=cost,
         # On a busy machine the second run may take longer.
         start_up_s=max(1e-9 * (profiler.span_ns - trial.span_ns), 0.0),
@@ -169,6 +176,7 @@ def trial_speed_table(report: TrialSpeed) -> Table:
     table.add_row("one control step, without the collision monitor", f"{report.control_step_ms:.3f} ms")
     table.add_row("physics alone: the same world and commands", f"{report.physics_alone_ms_per_s:.1f} ms")
     table.add_row("the trial, over physics alone", f"{report.times_physics_alone:.1f}")
+    table.add_row("calls of functions", f"{report.calls_per_s:,.0f}")
     table.add_row("real time factor", f"{report.real_time_factor:.1f}")
     table.add_row("units under way, on average", f"{report.units_under_way:.1f}")
     if report.unit_cost is not None:
@@ -215,15 +223,44 @@ def naive_loop(scene: Scene, samples: int | None = None) -> Scene:
 def _run_timed(scene: Scene, seed: int) -> _Timing:
     profiler = StageProfiler()
     result = run_trial(scene, seed, profiler=profiler)
+    per_s = 1.0 / _simulated_s(scene, seed, result)
+    stages = {name: 1e-6 * ns * per_s for name, ns in profiler.spent_ns.items()}
+    stages[_REST] = 1e-6 * (profiler.span_ns - profiler.total_ns) * per_s
+    return _Timing(result, profiler.span_ns, 1e-6 * profiler.span_ns * per_s, stages)
+
+
+def _simulated_s(scene: Scene, seed: int, result: TrialResult) -> float:
+    """Return the simulated time of a trial, with the pull tests [s]."""
     if result.outcome is Outcome.PROGRAM_FAILED:
         raise BenchError(f"{scene.name}, seed {seed}: {result.outcome.value}, {result.reason}")
     if result.duration_s <= 0.0:
         raise BenchError(f"{scene.name}, seed {seed}: ended at once, {result.outcome.value}")
     pulls = sum(step.pull_test_passed is not None for step in result.steps)
-    per_s = 1e-6 / (result.duration_s + pulls * scene.lock.pull_time_s)
-    stages = {name: ns * per_s for name, ns in profiler.spent_ns.items()}
-    stages[_REST] = (profiler.span_ns - profiler.total_ns) * per_s
-    return _Timing(result, profiler.span_ns, profiler.span_ns * per_s, stages)
+    return result.duration_s + pulls * scene.lock.pull_time_s
+
+
+def calls_per_s(scene: Scene, seed: int) -> float:
+    """Return the number of calls of functions in a trial per simulated second; it takes twice the time."""
+    counter = _CallCounter()
+    try:
+        result = run_trial(scene, seed, profiler=counter)
+    finally:
+        counter.calls.disable()
+    return sum(entry.callcount for entry in counter.calls.getstats()) / _simulated_s(scene, seed, result)
+
+
+class _CallCounter(NullProfiler):
+    """A profiler that counts calls of functions from the first stage on."""
+
+    def __init__(self) -> None:
+        self.calls = Profile()
+        self._counts = False
+
+    def __call__(self, stage: str) -> AbstractContextManager[None]:
+        if not self._counts:
+            self._counts = True
+            self.calls.enable()
+        return super().__call__(stage)
 
 
 def _ms_per_s(scene: Scene, seed: int) -> float:

@@ -11,6 +11,7 @@ import pytest
 from msrr_bullet.bench import speed_comparison
 from msrr_bullet.bench.speed_comparison import (
     ALLOWED,
+    ALLOWED_CALLS,
     SpeedComparison,
     draw_comparison,
     read_comparison,
@@ -97,6 +98,20 @@ def test_only_what_costs_much_more_over_physics_alone_is_slower(found: SpeedComp
     assert line.startswith("close_range, careful: ")
     with pytest.raises(BenchError, match="nothing in common"):
         slower_than(found, found.model_copy(update={"scene": "two_units"}))
+
+
+def test_a_trial_that_calls_more_functions_is_slower_whatever_the_clock_says(found: SpeedComparison) -> None:
+    def with_calls(factor: float) -> SpeedComparison:
+        speed = found.variants["careful"]
+        careful = speed.model_copy(update={"calls_per_s": factor * speed.calls_per_s})
+        return found.model_copy(update={"variants": {**found.variants, "careful": careful}})
+
+    assert slower_than(with_calls(0.99 * ALLOWED_CALLS), found) == []
+    (line,) = slower_than(with_calls(1.01 * ALLOWED_CALLS), found)
+    before = found.variants["careful"].calls_per_s
+    assert line == (
+        f"close_range, careful: {1.01 * ALLOWED_CALLS * before:,.0f} calls of functions, {before:,.0f} before"
+    )
 
 
 def test_many_units_build_a_line_of_the_first_of_them() -> None:

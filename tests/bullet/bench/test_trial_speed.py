@@ -11,6 +11,7 @@ import pytest
 
 from msrr_bullet.bench.trial_speed import (
     BenchError,
+    calls_per_s,
     measure_trial_speed,
     naive_loop,
     peak_mb,
@@ -75,7 +76,14 @@ def test_the_figures_of_a_report_agree_with_each_other(scene: Scene) -> None:
     assert json.loads(report.model_dump_json())["naive_ratio"] == report.naive_ratio
     table = trial_speed_table(report)
     assert "as built perfect" in str(table.title)
-    assert table.row_count == len(report.stages_ms_per_s) + 9
+    assert table.row_count == len(report.stages_ms_per_s) + 10
+
+
+def test_every_run_of_a_trial_calls_as_many_functions(scene: Scene) -> None:
+    """After the first one, in which what a process needs once is set up."""
+    _, *later = (calls_per_s(scene, 3) for _ in range(3))
+    assert later[0] == later[1]
+    assert 1e4 < later[0] < 1e6
 
 
 def test_what_a_unit_costs_is_measured_where_one_docks_and_all_others_stand_by() -> None:
