@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -13,6 +15,7 @@ from msrr_bullet.collision.locked_group import locked_group, neighbour_limits
 from msrr_control.docking.law import DockSetup
 from msrr_control.sequence.port_view import PortView
 from msrr_control.shapes.bodies import SEATED
+from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, GlobalPose, PoseEstimate
 from msrr_scenes.specs.plan import DockStep
@@ -59,7 +62,7 @@ class CloseNeighbours:
             {name: limit for name, limit in limits.items() if limit < stop_m}
         )
         group = locked_group(scene, joints, step.target_unit)
-        self._X_TD = scene.dock_frame(step)
+        self._scene, self._X_TD = scene, scene.dock_frame(step)
         self._setup, self._sigmas = DockSetup.of(scene, step), sigmas
         self.offset = self._setup.offset
         self._seats = {name: self._X_TD.inverse() @ group[name] for name in self.limits}
@@ -93,6 +96,11 @@ class CloseNeighbours:
         """
         return self._setup.pin_reach if self._seats[neighbour.name] == neighbour.X_WB else 0.0
 
+    @cached_property
+    def _overhead(self) -> OverheadModel:
+        """What is known of the camera by which neighbours are seen; few are seen so that it matters."""
+        return OverheadModel.from_scene(self._scene, ())
+
     def _in_seat(self, body: GlobalPose, target: GlobalPose) -> bool:
         """Return whether a neighbour that is seen from above is in its seat, as far as sight can tell."""
         X_WN = target.X_WB @ self._X_TD @ self._seats[body.name]
@@ -103,10 +111,9 @@ class CloseNeighbours:
         if apart > _MOST_OFF_M or turned > _MOST_OFF_RAD:
             return False
         error = np.array([body.X_WB.x - X_WN.x, body.X_WB.y - X_WN.y, off.yaw])
-        by_target = np.eye(3)  # how the seat moves in W with the pose of the target
-        by_target[:2, 2] = target.X_WB.y - X_WN.y, X_WN.x - target.X_WB.x
         play = X_WN.rotate_covariance(SEATED)
-        covariance = body.relative + by_target @ target.relative @ by_target.T + play
+        # That of the sight of a neighbour which is in its seat.
+        covariance = self._overhead.covariance_between(replace(body, X_WB=X_WN), target) + play
         return float(error @ np.linalg.solve(covariance, error)) < _GATE
 
 

@@ -114,6 +114,19 @@ class OverheadModel:
         """Return what one standard deviation of each error of the camera does to a pose, shape (3, 10)."""
         return self.errors.by_camera(self.tags[self.tag_of[pose.name]], pose.X_WB)
 
+    def covariance_between(self, body: GlobalPose, other: GlobalPose) -> Array:
+        """Return how well a body is known against another one near it, which is taken to be where it is seen.
+
+        Errors of the camera do nearly the same to both, so that only the difference counts.
+
+        Returns:
+            Covariance of (x, y, yaw) of the body in W, shape (3, 3) [m, rad].
+        """
+        by_other = moved_along(other, body.X_WB)
+        by_camera = self.camera_effects(body) - by_other @ self.camera_effects(other)
+        covariance: Array = body.relative + by_other @ other.relative @ by_other.T + by_camera @ by_camera.T
+        return covariance
+
     def roof(self, unit: str) -> Array:
         """Return standard deviations of the place of the tag on the roof: x, y [m], yaw [rad] in U, (3,)."""
         return self.errors.roof(self.tags[self.tag_of[unit]])
@@ -159,3 +172,9 @@ class OverheadModel:
         return GlobalLocalizer(
             self.lens, self.shutter, self.X_WC, self.tags, self.corner_errors, self.errors.strain
         )
+
+
+def moved_along(body: GlobalPose, X_WU: SE2) -> Array:
+    """Return the derivatives, shape (3, 3), by the pose of a body of a pose that moves along with it."""
+    x, y = X_WU.x - body.X_WB.x, X_WU.y - body.X_WB.y
+    return np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])

@@ -11,15 +11,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
-
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.motion.motion_noise import MotionNoise
-from msrr_perception.pose.overhead_model import OverheadModel
+from msrr_perception.pose.overhead_model import OverheadModel, moved_along
 from msrr_perception.pose.target import TargetModel
 from msrr_perception.tracking.arena_tracker import ArenaTracker
 from msrr_perception.tracking.body_track import SeenPose, SeenPoses, StandstillDetector
-from msrr_scenes.arrays import Array, frozen
+from msrr_scenes.arrays import frozen
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     OVERHEAD,
@@ -174,20 +172,16 @@ class GlobalEstimator:
     def in_dock_frame(self, stamp_ns: int) -> PoseEstimate | None:
         """Return the pose of the unit in the dock frame of its target as the overhead camera measures it.
 
-        It is None until unit and target have been seen. Errors of the camera do nearly the same to both
-        units, which are near each other: only the difference counts. What is left is mostly where the tags
-        are held on the two roofs.
+        It is None until unit and target have been seen. Of its errors most are by where the tags are held on
+        the two roofs.
         """
         above = self._own.predict(stamp_ns)
         if above is None or self.target is None or self._X_TD is None or not self._others.knows(self.target):
             return None
         own, target = self._own_pose(above), self._others.poses(stamp_ns)[self.target]
         X_WD = target.X_WB @ self._X_TD
-        by_target = _moved_along(target, own.X_WB)
-        by_camera = self._model.camera_effects(own) - by_target @ self._model.camera_effects(target)
-        covariance = own.relative + by_target @ target.relative @ by_target.T + by_camera @ by_camera.T
         X_DW = X_WD.inverse()
-        P = frozen(X_DW.rotate_covariance(covariance))
+        P = frozen(X_DW.rotate_covariance(self._model.covariance_between(own, target)))
         return PoseEstimate(stamp_ns, X_DW @ own.X_WB, P, above.last_seen_ns)
 
     def _own_pose(self, own: PoseEstimate) -> GlobalPose:
@@ -209,16 +203,10 @@ def composed_pose(name: str, target: GlobalPose, X_TD: SE2, by_sight: PoseEstima
     """
     X_WD = target.X_WB @ X_TD
     X_WU = X_WD @ by_sight.X_DU
-    by_target = _moved_along(target, X_WU)
+    by_target = moved_along(target, X_WU)
     covariance = by_target @ target.covariance @ by_target.T + X_WD.rotate_covariance(by_sight.covariance)
     shared = None if target.shared is None else frozen(by_target @ target.shared @ by_target.T)
     return GlobalPose(name, by_sight.stamp_ns, X_WU, frozen(covariance), shared)
-
-
-def _moved_along(body: GlobalPose, X_WU: SE2) -> Array:
-    """Return the derivatives, shape (3, 3), by the pose of a body of a pose that moves along with it."""
-    x, y = X_WU.x - body.X_WB.x, X_WU.y - body.X_WB.y
-    return np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, 1.0]])
 
 
 def pose_in_dock_frame(arena: ArenaEstimate, X_TD: SE2) -> SE2 | None:

@@ -29,6 +29,7 @@ def scene() -> Scene:
             "name": "corner",
             "plant": "unicycle",
             "units": {name: {"number": i} for i, name in enumerate("abc")},
+            "cameras": {"overhead": {}},
             "plan": [{"unit": "a", "to": "b.rear"}],
         }
     )
@@ -168,6 +169,29 @@ def test_a_neighbour_is_in_its_seat_as_far_as_sight_can_tell(
         (found,) = neighbours.in_dock_frame(ArenaEstimate(0, a, b, (c,), (), 0), sight).others
         expected = X_DC if in_seat else X_DN
         np.testing.assert_allclose(found.X_WB.as_array(), expected.as_array(), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("grade", "x_m", "in_seat"),
+    [("rough", 0.0071, True), ("rough", -0.0071, True), ("perfect", 0.0071, False), ("rough", 0.020, False)],
+)
+def test_a_camera_that_strains_what_it_shows_moves_a_neighbour_beside_its_seat(
+    grade: str, x_m: float, in_seat: bool, scene: Scene
+) -> None:
+    """A focal length that is 2 % off shows two units that are 0.2 m apart 4 mm too far from each other.
+
+    A docked unit of the grade rough saw its neighbour like that in its seat. The monitor took the neighbour
+    to be nearer than it was, and left the unit no room for its tug test, and later none to leave its port.
+    """
+    told = Scene.model_validate(scene.model_dump() | {"as_built": grade})
+    joints, X_DN = [DockStep(unit="c", to="b.left")], X_DC @ SE2(x_m, 0.0105, np.radians(-5.57))
+    neighbours = CloseNeighbours(told, ClearanceModel.from_scene(told), told.docks[0], joints, 0.03, 3.0)
+    places = {"a": SE2(), "b": SE2(), "c": scene.geometry("b").dock_frame("rear") @ X_DN}
+    a, b, c = (GlobalPose(n, 0, X, ROUGH) for n, X in places.items())
+    sight = PoseEstimate(0, SE2(-0.5, 0.01, 0.02), SURE, 0)
+    (found,) = neighbours.in_dock_frame(ArenaEstimate(0, a, b, (c,), (), 0), sight).others
+    expected = X_DC if in_seat else X_DN
+    np.testing.assert_allclose(found.X_WB.as_array(), expected.as_array(), atol=1e-3)
 
 
 @pytest.mark.parametrize("at_first", [(), (DockStep(unit="c", to="b.left"),)])

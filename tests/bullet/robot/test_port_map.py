@@ -28,6 +28,7 @@ def scene() -> Scene:
             "name": "corner",
             "plant": "unicycle",
             "units": {name: {"number": i} for i, name in enumerate("abcd")},
+            "cameras": {"overhead": {}},
             "plan": [{"unit": "a", "to": "b.rear"}],
         }
     )
