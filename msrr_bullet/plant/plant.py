@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import lru_cache
 
 from msrr_bullet.plant.drivetrain import Drivetrain
 from msrr_bullet.plant.limited_drive import LimitedDrive
@@ -260,6 +261,7 @@ class Plant(ABC):
             raise MsrrError(f"unit {unit!r} has no docking target yet; call begin_dock first") from None
 
 
+@lru_cache(maxsize=16)  # asked for several times a tick
 def tick_ns(tick: int, physics_hz: float) -> int:
     """Return the time of a physics tick, rounded to a nanosecond."""
     return round(tick * NS_PER_S / physics_hz)

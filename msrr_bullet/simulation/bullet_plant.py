@@ -119,11 +119,13 @@ class BulletPlant(Plant):
     def _advance(self) -> None:
         self.world.step()
         self.tick += 1
+        engaged = []
         for lock in self._locks.values():
             lock.step(self._dt)
+            if lock.engaged:
+                engaged.append(lock)
         for lock in self._parting:
             lock.step(self._dt)
-        engaged = [lock for lock in self._locks.values() if lock.engaged]
         if engaged != self._engaged:
             self._engaged = engaged
             self._sleeping.join((lock.dock_step.unit, lock.dock_step.target_unit) for lock in engaged)

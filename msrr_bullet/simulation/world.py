@@ -70,8 +70,8 @@ class BulletWorld:
         self._tags = tags
         self.units: dict[str, UnitBody] = {}
         self.obstacles: dict[str, int] = {}
-        self._planar: dict[str, SE2] = {}  # of the present tick
         self._held: dict[str, SE2] = {}  # of units that are taken to stay where they are
+        self._planar: dict[str, SE2] = {}  # of the present tick, those among them
         # Where the units were when poses and frames of theirs were asked for last, and the answers.
         self._places: dict[str, tuple[_Place, SE2]] = {}
         self._frames: dict[tuple[str, SE3], tuple[_Place, tuple[Vector, Vector, Vector]]] = {}
@@ -112,7 +112,7 @@ class BulletWorld:
 
     def step(self) -> None:
         """Advance the physics by one tick of 1 / ``scene.physics_hz``."""
-        self._planar.clear()
+        self._planar = self._held.copy()
         pybullet.stepSimulation(physicsClientId=self.client)
 
     def unit(self, name: str) -> UnitBody:
@@ -160,7 +160,7 @@ class BulletWorld:
 
     def pose(self, name: str) -> SE2:
         """Return the true ``X_WU`` in the plane, the same object until the unit has moved."""
-        pose = self._held.get(name) or self._planar.get(name)
+        pose = self._planar.get(name)
         if pose is None:
             unit = self.unit(name)
             place = pybullet.getBasePositionAndOrientation(unit.body, physicsClientId=self.client)
@@ -177,6 +177,7 @@ class BulletWorld:
     def look(self, name: str) -> bool:
         """Hold a unit no longer; return whether it has moved although it was held."""
         held = self._held.pop(name, None)
+        self._planar.pop(name, None)
         return held is not None and self.pose(name) is not held
 
     def link_pose(self, name: str, link: str) -> SE3:
