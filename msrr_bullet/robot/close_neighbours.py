@@ -16,7 +16,6 @@ from msrr_control.docking.law import DockSetup
 from msrr_control.sequence.port_view import PortView
 from msrr_control.shapes.bodies import SEATED
 from msrr_perception.pose.overhead_model import OverheadModel
-from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, GlobalPose, PoseEstimate
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.scene import Scene
@@ -71,7 +70,8 @@ class CloseNeighbours:
         """Return the unit and the neighbours in D that it could come too near to.
 
         The arena has poses in W, with that of the target; ``by_sight`` is the pose of the unit in D by its
-        own camera.
+        own camera. A neighbour that is not in its seat is where it is seen against the target, with the
+        errors of both.
         """
         assert arena.target is not None, "a unit that docks has a target"
         X_DW = (arena.target.X_WB @ self._X_TD).inverse()
@@ -83,7 +83,8 @@ class CloseNeighbours:
             if body.name not in self.limits:
                 continue
             if not self._in_seat(body, arena.target):
-                others.append(_turned(body, X_DW))
+                P = X_DW.rotate_covariance(self._overhead.covariance_between(body, arena.target))
+                others.append(GlobalPose(body.name, body.stamp_ns, X_DW @ body.X_WB, P))
             elif not held:
                 others.append(GlobalPose(body.name, body.stamp_ns, self._seats[body.name], SEATED))
         return ArenaEstimate(by_sight.stamp_ns, own, None, tuple(others), (), by_sight.last_seen_ns)
@@ -115,8 +116,3 @@ class CloseNeighbours:
         # That of the sight of a neighbour which is in its seat.
         covariance = self._overhead.covariance_between(replace(body, X_WB=X_WN), target) + play
         return float(error @ np.linalg.solve(covariance, error)) < _GATE
-
-
-def _turned(body: GlobalPose, X_DW: SE2) -> GlobalPose:
-    """Return a body in D where it is seen in W."""
-    return GlobalPose(body.name, body.stamp_ns, X_DW @ body.X_WB, X_DW.rotate_covariance(body.relative))
