@@ -61,7 +61,7 @@ class TrialSpeed(BaseModel, frozen=True):
         control_step_ms: Time of one control step: estimator query, laws and phase machine, without the
             collision monitor [ms].
         calls_per_s: Calls of functions from Python, compiled ones too, per simulated second. With the same
-            versions of the packages every run has as many, however busy the machine is.
+            versions of the packages every run has nearly as many, however busy the machine is.
         unit_cost: What one unit costs in a mission of a base station of three and more that begin apart from
             each other; None otherwise.
         start_up_s: Time that the first trial of a process takes longer than the next ones.
