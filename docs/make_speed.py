@@ -33,8 +33,8 @@ INTRODUCTION = """\
 {machine}, of which one is used; Python {python}, PyBullet {pybullet}, NumPy {numpy}. Times are wall clock per
 simulated second of one trial, log and viewer off, each in a process of its own: the fastest of three runs
 after a first one. *Physics alone* is the same world with the same commands, and nothing that senses or
-decides: the ratio to it says more about another machine than milliseconds do. *Calls of functions*
-counts those from Python, of which every run with the same versions has nearly as many, however busy the machine is.
+decides: the ratio to it says more about another machine than milliseconds do. *Calls of functions* counts
+those from Python, of which every run with the same versions has nearly as many, however busy the machine is.
 `make bench` measures the first table and careful robots of the third one again, and fails if a trial costs
 much more over its physics alone than here, or calls a twentieth more functions. `python docs/make_speed.py`
 makes this page of the files that the commands below write.
