@@ -108,10 +108,10 @@ def measure_trial_speed(scene: Scene, seed: int = 0, *, naive: bool = True) -> T
     """Measure one trial, its physics alone and its naive loop, one after the other in this process.
 
     The trial is run four times, and the fastest after the first counts, as the fastest of three runs of the
-    physics alone does, one after each of them. The additional time of the first trial (to load compiled code,
-    to compute the faces of the meshes) is spent once in a process and reported separately. Without ``naive``
-    neither the naive loop nor what a unit costs is measured. The naive loop of a mission of a base station is
-    left out.
+    physics alone does, one after each of them. A fifth run counts the calls of functions. The additional time
+    of the first trial (to load compiled code, to compute the faces of the meshes) is spent once in a process
+    and reported separately. Without ``naive`` neither the naive loop nor what a unit costs is measured. The
+    naive loop of a mission of a base station is left out.
 
     Memory is that of the process from its start, so it is the trial's own only in a new process.
 

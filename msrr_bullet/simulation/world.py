@@ -71,7 +71,7 @@ class BulletWorld:
         self.units: dict[str, UnitBody] = {}
         self.obstacles: dict[str, int] = {}
         self._held: dict[str, SE2] = {}  # of units that are taken to stay where they are
-        self._planar: dict[str, SE2] = {}  # of the present tick, those among them
+        self._planar: dict[str, SE2] = {}  # of the present tick, with those that are held
         # Where the units were when poses and frames of theirs were asked for last, and the answers.
         self._places: dict[str, tuple[_Place, SE2]] = {}
         self._frames: dict[tuple[str, SE3], tuple[_Place, tuple[Vector, Vector, Vector]]] = {}
