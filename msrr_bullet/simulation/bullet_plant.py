@@ -8,7 +8,6 @@ from msrr_bullet.plant.plant import Plant, Vector
 from msrr_bullet.simulation.pin_lock import PinLock
 from msrr_bullet.simulation.port_plug import PortPlug
 from msrr_bullet.simulation.sleeping import SleepingUnits
-from msrr_bullet.simulation.solver_effort import SolverEffort
 from msrr_bullet.simulation.wheel_motors import WheelMotors, is_standstill
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.geometry.se2 import SE2
@@ -32,12 +31,10 @@ class BulletPlant(Plant):
         self._plugs: dict[tuple[str, str], PortPlug] = {}
         self._sleeping = SleepingUnits(world)
         self._engaged: list[PinLock] = []
-        self._solver = SolverEffort(world)
 
     def step(self) -> None:
         """Advance by one tick: drives, physics, locks."""
         self._sleeping.step(self._is_driven)
-        self._solver.step(self._sleeping.awake, self._sleeping.groups)
         for name in self._sleeping.awake:
             velocity, drivetrain = self._drive(name), self._drivetrains[name]
             speeds = drivetrain.step(velocity, self._dt)
@@ -47,7 +44,6 @@ class BulletPlant(Plant):
     def step_freewheeling(self) -> None:
         """Advance by one tick with all wheels released."""
         self._sleeping.watch()
-        self._solver.step(self._sleeping.awake, self._sleeping.groups)
         for name in self._sleeping.awake:
             self._motors[name].release()
         self._advance()

@@ -141,7 +141,7 @@ class PinLock(PortMechanism):
         spec = self._spec
         hz = self._world.scene.physics_hz
         start = self._gap()
-        with levelled(self._world.client):
+        with levelled(self._world.client), self._world.exact_forces():
             for _ in range(max(round(spec.pull_time_s * hz), 1)):
                 self._plant.rouse(self.dock_step.unit, self.dock_step.target_unit)
                 axis, point = self._docking_axis()

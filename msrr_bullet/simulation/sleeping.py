@@ -34,10 +34,7 @@ _WATCH_EVERY = 5
 
 
 class SleepingUnits:
-    """Decides which units sleep; those that are awake are in the order of the scene.
-
-    ``groups`` are the units that are locked together with each unit, itself included.
-    """
+    """Decides which units sleep; those that are awake are in the order of the scene."""
 
     def __init__(self, world: BulletWorld) -> None:
         """Begin with all units of ``world`` awake."""
@@ -48,7 +45,8 @@ class SleepingUnits:
         self._roused = dict.fromkeys(world.units, 0)  # tick at which a unit was last roused
         self._asleep: dict[str, None] = {}
         self.awake = tuple(world.units)
-        self.groups: dict[str, tuple[str, ...]] = {name: (name,) for name in world.units}
+        # The units that are locked together with each unit, itself included.
+        self._groups: dict[str, tuple[str, ...]] = {name: (name,) for name in world.units}
         # Shapes are built as designed, and that geometry is the same in all trials.
         radius = {name: world.scene.geometry(name).circumradius for name in world.units}
         self._reach = {
@@ -62,13 +60,13 @@ class SleepingUnits:
 
     def join(self, pairs: Iterable[tuple[str, str]]) -> None:
         """Take note of all pairs that are locked together now, and rouse the groups that changed."""
-        groups: dict[str, tuple[str, ...]] = {name: (name,) for name in self.groups}
+        groups: dict[str, tuple[str, ...]] = {name: (name,) for name in self._groups}
         for a, b in pairs:
             if groups[a] != groups[b]:
                 joined = groups[a] + groups[b]
                 groups |= dict.fromkeys(joined, joined)
-        changed = [name for name, group in groups.items() if set(group) != set(self.groups[name])]
-        before, self.groups = self.groups, groups
+        changed = [name for name, group in groups.items() if set(group) != set(self._groups[name])]
+        before, self._groups = self._groups, groups
         for name in changed:
             self.rouse(name)
             for other in before[name]:
@@ -76,7 +74,7 @@ class SleepingUnits:
 
     def rouse(self, unit: str) -> None:
         """Wake a unit and all that are locked to it before they are moved; they stay awake for a while."""
-        for name in self.groups[unit]:
+        for name in self._groups[unit]:
             self._roused[name] = self._tick
             if name in self._asleep:
                 del self._asleep[name]
@@ -95,12 +93,12 @@ class SleepingUnits:
         if self._tick % (_WATCH_EVERY * self._period) == 0:
             self.watch()
         # A unit that sleeps is not driven: it would have been roused before.
-        driven = {unit: unit not in self._asleep and is_driven(unit) for unit in self.groups}
+        driven = {unit: unit not in self._asleep and is_driven(unit) for unit in self._groups}
         for unit, moves in driven.items():
             if moves:
                 self.rouse(unit)
         self._wake_the_approached(driven)
-        for group in dict.fromkeys(self.groups.values()):
+        for group in dict.fromkeys(self._groups.values()):
             if group[0] not in self._asleep and all(map(self._may_sleep, group)):
                 for name in group:
                     self._asleep[name] = None
@@ -117,9 +115,9 @@ class SleepingUnits:
                 self._world.hold(unit)
 
     def _wake_the_approached(self, driven: Mapping[str, bool]) -> None:
-        poses = {name: self._world.pose(name) for name in self.groups}
+        poses = {name: self._world.pose(name) for name in self._groups}
         # A unit that is pushed without being driven wakes its neighbours as well.
-        movers = [n for n in self.groups if driven[n] or not (n in self._asleep or self._rests(n))]
+        movers = [n for n in self._groups if driven[n] or not (n in self._asleep or self._rests(n))]
         for mover in movers:
             X = poses[mover]
             for name, other in poses.items():
@@ -128,7 +126,7 @@ class SleepingUnits:
                     self.rouse(name)
 
     def _note_awake(self) -> None:
-        self.awake = tuple(name for name in self.groups if name not in self._asleep)
+        self.awake = tuple(name for name in self._groups if name not in self._asleep)
 
     def _may_sleep(self, unit: str) -> bool:
         return self._tick - self._roused[unit] >= self._awake_ticks and self._rests(unit)
