@@ -20,7 +20,7 @@ from msrr_bullet.simulation.world import BulletWorld
 WAKE_DISTANCE_M = 0.1
 
 #: Speeds of the root below which a unit is at rest [m/s], [rad/s]. A gear lets no wheel turn that it holds,
-#: but the solver stops before it has converged, and such wheels roll by 0.4 mm/s down a slope of 3 degrees.
+#: but the solver stops before it has converged: units that stand creep by up to 0.1 mm/s.
 REST_MPS, REST_RADPS = 5e-4, 2e-3
 
 #: Time for which a unit stays awake after it was roused [s].
