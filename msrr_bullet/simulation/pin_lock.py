@@ -18,6 +18,7 @@ from msrr_bullet.plant.plant import PortMechanism
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.floor import levelled
 from msrr_bullet.simulation.pin_depth import SIDES, PinDepths
+from msrr_bullet.simulation.solver import exact_forces
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.arrays import Array
@@ -141,7 +142,8 @@ class PinLock(PortMechanism):
         spec = self._spec
         hz = self._world.scene.physics_hz
         start = self._gap()
-        with levelled(self._world.client), self._world.exact_forces():
+        client = self._world.client
+        with levelled(client), exact_forces(client):
             for _ in range(max(round(spec.pull_time_s * hz), 1)):
                 self._plant.rouse(self.dock_step.unit, self.dock_step.target_unit)
                 axis, point = self._docking_axis()

@@ -8,8 +8,7 @@ bodies are created in the order of the scene.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from msrr_bullet.plant.plant import Vector
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.floor import add_floor, gravity
 from msrr_bullet.simulation.obstacle_body import add_obstacle
+from msrr_bullet.simulation.solver import configure_solver
 from msrr_bullet.simulation.tagged_bodies import TagVisuals
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody, load_unit
 from msrr_scenes.as_built import AsBuilt, as_designed
@@ -33,14 +33,6 @@ FLOOR_REACH_M = 0.01
 #: Points of two parts farther apart than this are no contact [m]. PyBullet keeps points where parts have
 #: touched until they are millimetres apart, and the solver takes as long for them as for true contacts.
 CONTACT_DISTANCE_M = 5e-5
-
-#: Largest change of a velocity, at a contact or joint, by the last iteration of the solver [m/s]. Units then
-#: come to where a solver with no bound takes them but for half of what four times as many ticks would change.
-CONVERGED_MPS = 1e-3
-
-#: Most iterations of the solver, which contact may need: with 50 a unit that jams at the mouth is pressed in
-#: and the target creeps away by millimetres; 400 change a trial by no more than 150.
-MOST_ITERATIONS = 150
 
 #: Most joints of a body of PyBullet: with one more it reports no pose of the body.
 _MOST_JOINTS = 127
@@ -123,18 +115,6 @@ class BulletWorld:
         """Advance the physics by one tick of 1 / ``scene.physics_hz``."""
         self._planar = self._held.copy()
         pybullet.stepSimulation(physicsClientId=self.client)
-
-    @contextmanager
-    def exact_forces(self) -> Iterator[None]:
-        """Let the solver do all of its iterations within the block, so that forces are exact to a percent.
-
-        Where it stops at ``CONVERGED_MPS``, that of a lock is off by up to 0.2 N.
-        """
-        self._bound_solver(0.0)
-        try:
-            yield
-        finally:
-            self._bound_solver(CONVERGED_MPS)
 
     def unit(self, name: str) -> UnitBody:
         """Return a unit by name; an unknown name lists the units."""
@@ -249,14 +229,9 @@ class BulletWorld:
             fixedTimeStep=1.0 / self.scene.physics_hz,
             numSubSteps=0,
             deterministicOverlappingPairs=1,
-            numSolverIterations=MOST_ITERATIONS,
             physicsClientId=self.client,
         )
-        self._bound_solver(CONVERGED_MPS)
-
-    def _bound_solver(self, change_mps: float) -> None:
-        """Let the solver stop where an iteration changes no velocity by more [m/s]."""
-        pybullet.setPhysicsEngineParameter(solverResidualThreshold=change_mps**2, physicsClientId=self.client)
+        configure_solver(self.client)
 
     def _add_unit(self, name: str, X_WU: SE2) -> None:
         urdf = self._tags.unit_urdf(name) if self._tags else None
