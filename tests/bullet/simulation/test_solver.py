@@ -1,10 +1,13 @@
 """The solver stops early only where that changes next to nothing."""
 
 import math
+from dataclasses import replace
 
 import pybullet
 import pytest
 
+from msrr_bullet.bench.physics_alone import note_commands
+from msrr_bullet.profiler import NullProfiler
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Twist
 from tests.bullet.conftest import bench
@@ -35,3 +38,24 @@ def test_units_come_to_where_a_converged_solver_takes_them(start, commands):
     for pose, other in zip(poses_after(start, commands), converged, strict=True):
         assert math.hypot(pose.x - other.x, pose.y - other.y) < 1e-4
         assert pose.yaw == pytest.approx(other.yaw, abs=math.radians(0.05))
+
+
+@pytest.mark.nightly
+def test_the_bound_of_the_solver_costs_less_than_the_length_of_a_tick(shipped, monkeypatch):
+    """By the same commands. What four times as many ticks change is what the length of a tick costs."""
+    by_solver, by_tick = [], []
+    for seed in range(3):
+        noted = note_commands(shipped("two_units"), seed, NullProfiler())
+        _, here = noted.replay()
+        with monkeypatch.context() as context:
+            context.setattr("msrr_bullet.simulation.solver.CONVERGED_MPS", 0.0)
+            context.setattr("msrr_bullet.simulation.solver.MOST_ITERATIONS", 1000)
+            _, converged = noted.replay()
+            _, finer = replace(noted, scene=shipped("two_units", {"physics_hz": 960})).replay()
+        for unit in "ab":
+            by_solver.append(math.dist(here[unit].translation, converged[unit].translation))
+            by_tick.append(math.dist(finer[unit].translation, converged[unit].translation))
+    print(
+        f"off by up to {1e3 * max(by_solver):.1f} mm by the solver, {1e3 * max(by_tick):.1f} mm by the tick"
+    )
+    assert max(by_solver) < 0.5 * max(by_tick)
