@@ -170,7 +170,10 @@ def test_large_missions_survive_failures(name: str, outcome: Outcome, shipped: L
 def test_a_unit_docks_by_what_it_sees_where_an_encoder_is_stuck(
     wheel: str, seed: int, grade: str, shipped: Load
 ) -> None:
-    """It fails two seconds before the contact; by the wheels the unit turns on the spot from then on."""
+    """It fails two seconds before the contact; by the wheels the unit turns on the spot from then on.
+
+    An event says so where more than a tenth of the exposures do not agree with the wheels.
+    """
     faults, recorder = f"[{{kind: encoder_stuck, unit: a, wheel: {wheel}, from_s: 4}}]", MemoryRecorder()
     scene = shipped("close_range", {"faults": faults, "as_built": grade})
     result = Trial(scene, seed, recorder=recorder).run()
@@ -180,7 +183,8 @@ def test_a_unit_docks_by_what_it_sees_where_an_encoder_is_stuck(
     assert seen.without_wheels > 10
     told = [event.text for *_, event in recorder.messages if isinstance(event, Event)]
     wrong = seen.without_wheels + seen.rejected
-    assert any(text.startswith(f"{wrong} of {seen.total} exposures of the onboard") for text in told)
+    says_so = any(text.startswith(f"{wrong} of {seen.total} exposures of the onboard") for text in told)
+    assert says_so is (wrong > 0.1 * seen.total)
 
 
 def test_a_unit_on_its_own_knows_that_its_drive_has_seized(shipped: Callable[..., Scene]) -> None:
