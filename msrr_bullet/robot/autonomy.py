@@ -32,6 +32,7 @@ from msrr_perception.estimation.los import LosEstimator
 from msrr_perception.pose.target import TargetModel
 from msrr_perception.tracking.overhead_correction import OverheadCorrection
 from msrr_scenes.messages import (
+    NS_PER_S,
     Action,
     ArenaEstimate,
     CollisionMonitorState,
@@ -53,6 +54,9 @@ from msrr_scenes.specs.scene import Scene
 
 #: Phases in which the unit is localised by the overhead camera.
 _FAR_PHASES = (Phase.ASSEMBLE, Phase.HAND_OVER)
+
+#: Time for which the target may still be pushed after a unit that moves was seen near it [ns].
+_PUSH_NS = NS_PER_S // 5
 
 #: Phases that drive backwards, to where the onboard camera does not look.
 _BACKWARDS_PHASES = (Phase.TUG_TEST, Phase.RETREAT)
@@ -210,6 +214,9 @@ class Autonomy:
     def step(self, now_ns: int) -> Action:
         """Return the action of one control instant."""
         self._now_ns = now_ns
+        overhead, estimator = self._overhead, self._estimator
+        if overhead is not None and isinstance(estimator, CornerEkf) and overhead.target_may_be_pushed():
+            estimator.expect_push(now_ns, now_ns + _PUSH_NS)
         pose = self._estimator.estimate(now_ns)
         los = self._los_estimator.observe(now_ns, self._estimator)
         arena: ArenaEstimate | None = None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from msrr_control.planning.free_space import Bounds
 from msrr_perception.detection.detector import Detector
 from msrr_perception.detection.overhead_vision import OverheadVision
@@ -74,6 +76,7 @@ class OverheadLocalizer:
             standing_period_s=standing_period_s,
         )
         self._scene, self._unit = scene, unit
+        self._reach = {name: scene.geometry(name).circumradius for name in scene.units}
         self.aim(step)
         self.newest_ns: int | None = None
 
@@ -120,6 +123,22 @@ class OverheadLocalizer:
         the overhead camera; None to use the latter.
         """
         return self._estimator.estimate(now_ns, own)
+
+    def target_may_be_pushed(self) -> bool:
+        """Return whether another unit that moves is so near the target that the two may touch."""
+        target, moving = self._estimator.target, self._estimator.moving()
+        if target is None or not moving:
+            return False
+        latest = self._estimator.latest(target)
+        if latest is None:
+            return False
+        for name in moving & self._reach.keys() - {target}:
+            other = self._estimator.latest(name)
+            assert other is not None, "it moves, so that it has been seen"
+            apart = math.dist(other.X_WB.translation, latest.X_WB.translation)
+            if apart < self._reach[name] + self._reach[target]:
+                return True
+        return False
 
     def in_dock_frame(self, stamp_ns: int) -> PoseEstimate | None:
         """Return the pose of the unit in the dock frame of its target by the overhead camera alone."""

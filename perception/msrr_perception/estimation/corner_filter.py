@@ -152,6 +152,19 @@ class CornerEkf:
         """Add a measured pose."""
         self._insert(measurement)
 
+    def expect_push(self, from_ns: int, until_ns: int) -> None:
+        """Expect that another unit may push the target: what the wheels tell between is not all that moves.
+
+        Otherwise what moves it would be taken for errors of calibration and of the wheels, which stay.
+        Measurements that were exposed between and have been added before do not change.
+        """
+        pushed = self._step.pushed_ns
+        if pushed and pushed[-1][1] >= from_ns:
+            from_ns, last_ns = pushed.pop()
+            until_ns = max(until_ns, last_ns)
+        oldest_ns = from_ns - 2 * self._horizon_ns
+        pushed[:] = [span for span in pushed if span[1] >= oldest_ns] + [(from_ns, until_ns)]
+
     def predict(self, stamp_ns: int) -> PoseEstimate | None:
         """Return the pose at an instant, past (within the horizon) or future, from all measurements."""
         if stamp_ns not in self._predictions:  # several callers ask for the same instant

@@ -25,6 +25,7 @@ class FilterStep:
 
     Attributes:
         known: What is known of drive and calibration where the filter starts.
+        pushed_ns: Times from and until which the target may be pushed, in order [ns].
     """
 
     def __init__(
@@ -37,6 +38,7 @@ class FilterStep:
         self._motion, self._update, self._wheels = motion, update, wheels
         self._reset_after = reset_after
         self.known: CalibrationEstimate = motion.prior
+        self.pushed_ns: list[tuple[int, int]] = []
 
     def take(self, before: FilterState | None, measurement: Measurement) -> FilterState | None:
         """Return the state after a measurement; None before one has told where the unit is."""
@@ -54,6 +56,8 @@ class FilterStep:
     def _updated(self, before: FilterState, measurement: Measurement) -> FilterState:
         """Return the state after a measurement, which corrects it where it agrees."""
         prior = self._motion.to_measurement(before, self._wheels, measurement.exposure.stamp_ns)
+        if any(first < prior.stamp_ns and before.stamp_ns < last for first, last in self.pushed_ns):
+            prior = self._motion.pushed(prior, before.stamp_ns)
         rates = AT_REST
         if isinstance(measurement, Detections) or self._motion.learns_clock:
             rates = self._motion.rates(prior, self._wheels)

@@ -93,7 +93,7 @@ class DriveMotion:
             strained_aside=noise.strain**2 * _STEP_M,
         )
         self._packed_drive = self._drive.packed()
-        self._doubted = noise.doubted
+        self._doubted, self._pushed = noise.doubted, noise.pushed
         self._acceleration = noise.acceleration
 
     def rates(self, state: FilterState, history: WheelHistory) -> Rates:
@@ -174,8 +174,16 @@ class DriveMotion:
 
     def doubting(self, state: FilterState) -> FilterState:
         """Return a state at a measurement with what the wheels have told since the last one in doubt."""
+        return self._moved_otherwise(state, self._doubted * seconds(state.stamp_ns - state.last_seen_ns))
+
+    def pushed(self, state: FilterState, since_ns: int) -> FilterState:
+        """Return a state whose target may have been pushed since an instant."""
+        return self._moved_otherwise(state, self._pushed * seconds(state.stamp_ns - since_ns))
+
+    def _moved_otherwise(self, state: FilterState, way: float) -> FilterState:
+        """Return a state whose pose may have changed, by a way [m], otherwise than the wheels tell."""
         moved = state._replace(covariance=state.covariance.copy())
-        off = (self._doubted * seconds(state.stamp_ns - state.last_seen_ns)) ** 2
+        off = way**2
         self._add_of_wheels(moved.mean, moved.covariance, off)
         moved.covariance[[0, 1], [0, 1]] += off  # one that is pushed aside drives without its wheels
         return moved

@@ -9,12 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from msrr_bullet.robot.overhead_localizer import NEAR_HALF_M, OverheadReader
+from msrr_bullet.robot.overhead_localizer import NEAR_HALF_M, OverheadLocalizer, OverheadReader
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
+    NS_PER_S,
     ArenaEstimate,
     Detections,
     Exposure,
@@ -265,3 +266,21 @@ def test_checks_show_a_unit_that_drives_in_every_frame_until_it_is_seen_to_stand
     assert [found for t, found in docking.checks.items() if t > 2.9] == 2 * [[0, 10] if corrects else []]
     known = not_none(arena.known)
     assert math.sqrt(known.others[0].covariance[2, 2]) < math.radians(0.5)
+
+
+def test_a_target_may_be_pushed_while_another_unit_moves_beside_it(shipped: Callable) -> None:
+    scene = shipped("bystander", {"as_built": "perfect"}).told()
+    step = scene.docks[0]
+    localizer = OverheadLocalizer(scene, step.unit, TargetModel.from_scene(scene, step), step)
+    pushed = []
+    for frame in range(100):
+        stamp_ns = frame * NS_PER_S // 10
+        way = 0.01 * min(max(frame - 30, 0), 48)  # from 0.7 m to 0.22 m, where it stops
+        for name, X_WB in ((step.target_unit, SE2()), ("c", SE2(0.0, 0.7 - way, -1.57))):
+            localizer.receive(GlobalPose(name, stamp_ns, X_WB, np.diag([1e-7, 1e-7, 1e-6])))
+        pushed.append(localizer.target_may_be_pushed())
+    assert not any(pushed[25:74])
+    assert all(pushed[76:79])
+    assert not any(pushed[88:])
+    localizer.aim(None)
+    assert not localizer.target_may_be_pushed()
