@@ -214,9 +214,10 @@ class Autonomy:
     def step(self, now_ns: int) -> Action:
         """Return the action of one control instant."""
         self._now_ns = now_ns
-        overhead, estimator = self._overhead, self._estimator
-        if overhead is not None and isinstance(estimator, CornerEkf) and overhead.target_may_be_pushed():
-            estimator.expect_push(now_ns, now_ns + _PUSH_NS)
+        if self._overhead is not None and self._phases.phase is not Phase.ASSEMBLE:
+            estimator = self._estimator
+            if isinstance(estimator, CornerEkf) and self._overhead.target_may_be_pushed():
+                estimator.expect_push(now_ns, now_ns + _PUSH_NS)
         pose = self._estimator.estimate(now_ns)
         los = self._los_estimator.observe(now_ns, self._estimator)
         arena: ArenaEstimate | None = None

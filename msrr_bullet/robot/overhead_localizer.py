@@ -126,17 +126,14 @@ class OverheadLocalizer:
 
     def target_may_be_pushed(self) -> bool:
         """Return whether another unit that moves is so near the target that the two may touch."""
-        target, moving = self._estimator.target, self._estimator.moving()
-        if target is None or not moving:
+        target = self._estimator.target
+        at = None if target is None else self._estimator.seen_at(target)
+        if target is None or at is None:
             return False
-        latest = self._estimator.latest(target)
-        if latest is None:
-            return False
-        for name in moving & self._reach.keys() - {target}:
-            other = self._estimator.latest(name)
+        for name in self._estimator.moving() & self._reach.keys() - {target}:
+            other = self._estimator.seen_at(name)
             assert other is not None, "it moves, so that it has been seen"
-            apart = math.dist(other.X_WB.translation, latest.X_WB.translation)
-            if apart < self._reach[name] + self._reach[target]:
+            if math.hypot(other.x - at.x, other.y - at.y) < self._reach[name] + self._reach[target]:
                 return True
         return False
 

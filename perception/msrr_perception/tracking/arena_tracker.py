@@ -11,6 +11,7 @@ import numpy as np
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.tracking.body_track import BodyTrack, Motion, SeenPose, SeenPoses, TrackNoise
 from msrr_scenes.arrays import Array, frozen
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, OVERHEAD, Detections, GlobalPose, ObstacleEstimate
 from msrr_scenes.specs.vehicle import LimitsSpec
 
@@ -110,6 +111,10 @@ class ArenaTracker:
     def seen_ns(self, name: str) -> int:
         """Return the time of the exposure in which a body was seen last."""
         return self._tracks[name].seen.pose.stamp_ns
+
+    def seen_at(self, name: str) -> SE2:
+        """Return where a body was in the exposure in which it was seen last, as measured."""
+        return self._tracks[name].seen.pose.X_WB
 
     def latest(self, name: str) -> GlobalPose:
         """Return the pose of a body at the time of the exposure in which it was seen last."""

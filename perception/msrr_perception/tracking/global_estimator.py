@@ -136,9 +136,9 @@ class GlobalEstimator:
         """Return the other bodies that drive, or were pushed and have not been seen to stand since."""
         return self._others.moving()
 
-    def latest(self, name: str) -> GlobalPose | None:
-        """Return the pose of another body in the exposure in which it was seen last; None if it never was."""
-        return self._others.latest(name) if self._others.knows(name) else None
+    def seen_at(self, name: str) -> SE2 | None:
+        """Return where another body was seen last, as measured; None if it never was."""
+        return self._others.seen_at(name) if self._others.knows(name) else None
 
     def estimate(self, now_ns: int, by_sight: PoseEstimate | None = None) -> ArenaEstimate | None:
         """Return the estimate for control; None until the unit and its target, if any, have been seen.
