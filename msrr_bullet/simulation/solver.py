@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from msrr_bullet.silent_pybullet import pybullet
 
 #: Largest change of a velocity, at a contact or joint, by the last iteration [m/s]. A trial then leads units
-#: to where it would without this bound, but for half of what four times as many ticks would change.
+#: to where it would without this bound, but for less than four times as many ticks would change.
 CONVERGED_MPS = 1e-3
 
 #: Most iterations, which contact may need: with 50 a unit that jams at the mouth is pressed in and the target
