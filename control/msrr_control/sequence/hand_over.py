@@ -10,7 +10,7 @@ from msrr_control.sequence.port_view import PortView
 from msrr_control.sequence.search import scan, turn_rate
 from msrr_scenes.messages import FailureReason, Phase, Twist, seconds
 
-#: Last attempt that begins nearer than the one before it because the port has never been seen. The
+#: Last attempt that begins nearer than the one before it because the port could not be found. The
 #: long-distance phase ends 0.7 m in front of it, and tags are as large as they get within view at 0.45 m.
 _NEARER_UP_TO = 3
 
@@ -67,15 +67,16 @@ def hand_over(c: DockingContext) -> Twist | Transition:
 def _may_creep_unseen(c: DockingContext, view: PortView | None) -> bool:
     """Return whether the unit comes nearer to a target that it has just lost, or did not find before.
 
-    To one that it has never seen it comes nearer in its next attempts, for which the long-distance phase has
-    brought it in front of the port.
+    One or two readings of a small tag leave so much doubt about the way to the port that it may be at once
+    near. A next attempt comes nearer all the same if the long-distance phase has brought the unit in front of
+    the port for it: then the overhead camera knows the way.
     """
     search = c.tuning.search
     if c.memory.crept_s * search.creep_mps >= search.unseen_m:
         return False
-    if view is None:
-        return not c.ever_seen and 1 < c.attempt <= _NEARER_UP_TO
-    return _has_room(c, view)
+    if view is not None and _has_room(c, view):
+        return True
+    return c.assembled and 1 < c.attempt <= _NEARER_UP_TO
 
 
 def _has_room(c: DockingContext, view: PortView) -> bool:

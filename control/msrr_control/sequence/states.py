@@ -246,9 +246,11 @@ def _after_retreat(c: DockingContext) -> Transition:
         c.slow_down()
     c.was_in_holes = False
     reason = f"attempt {c.attempt} from {c.gap:z.3f} m: {c.belief.reason}"
-    if not c.reassemble or c.assembler is None:
+    assembler = c.assembler if c.reassemble else None
+    c.assembled = assembler is not None
+    if assembler is None:
         return Transition(Phase.HAND_OVER, reason)
     c.reassemble = False
     c.last_gap = None  # the unit goes far away
-    c.assembler.reset(c.belief.reason)
+    assembler.reset(c.belief.reason)
     return Transition(Phase.ASSEMBLE, reason)

@@ -292,13 +292,23 @@ def test_a_search_begins_where_the_unit_last_faced_the_port(facts: DockSetup, by
     assert turns[-1].w > 0.0
 
 
-def test_a_target_that_was_seen_is_not_looked_for_blindly_from_nearer(facts: DockSetup) -> None:
-    """It may be near, where one that the long-distance phase has led to is not."""
-    desk = Desk(facts, assembler=_InPlace())
-    desk.ask(desk.at(0.3), covariance=_wide(0.1, 0.1))
-    while desk.machine.attempt < 3:
-        action = desk.ask(None, lock=(LockPosition.OPEN, desk.now_ns + DT_NS))
-        assert action.phase is not Phase.HAND_OVER or action.twist.v == 0.0
+@pytest.mark.parametrize("assembled", [True, False])
+def test_a_target_that_was_seen_is_looked_for_from_nearer_where_the_long_distance_phase_has_led(
+    facts: DockSetup, assembled: bool
+) -> None:
+    """With an estimate that says nothing; otherwise the target may be near."""
+    desk, nothing = Desk(facts, assembler=_InPlace()), _wide(0.6, 0.8)
+    nothing[0, 0] = 0.4**2
+    if not assembled:
+        desk.to_dock()
+    else:
+        desk.ask(desk.at(0.7), covariance=nothing, los=_edges(0.5 * facts.los.outer, 0.0))
+    seen_ns, crept = desk.now_ns, 0.0
+    while desk.machine.attempt == 1:
+        desk.ask(desk.at(0.7), covariance=nothing, exposed_ns=seen_ns, lock=(LockPosition.OPEN, desk.now_ns))
+    while desk.machine.attempt == 2 and desk.machine.phase is not Phase.RETREAT:
+        crept += 0.02 * desk.ask(desk.at(0.7), covariance=nothing, exposed_ns=seen_ns).twist.v
+    assert crept == pytest.approx(TUNING.search.unseen_m if assembled else 0.0, abs=0.001)
 
 
 # At the port: pressing, and what makes it close the lock.
