@@ -247,11 +247,20 @@ class DockingContext:
         A unit whose sight is off by more than it knows would try the same place again. So it goes aside at
         least by the width of the rim of a mouth, in which a pin may jam: one that stopped on the edge comes
         to where the funnel still centres it, and one that was in the middle stays where it does.
+
+        Holes turn a unit about its pins, as its wheels do not slide sideways: the axle is as far to the side
+        as the angle of that turn has moved the pins ahead of it. Where the pins have stopped before the
+        holes, only how uncertain sight was tells how far to the side the port may be.
         """
         rim = (1.0 - self.tuning.capture_share) * self.setup.mouth
-        before_holes = self.gap > self.setup.pin_reach - self.tuning.contact_m
-        elsewhere = self.aim.stopped if before_holes else self.aim.jammed
-        elsewhere(max(_ASIDE * self.memory.sigma_lateral, rim), to_left)
+        step = max(_ASIDE * self.memory.sigma_lateral, rim)
+        if self.gap > self.setup.pin_reach - self.tuning.contact_m:
+            self.aim.stopped(step, to_left)
+            return
+        if self.view is not None:
+            turned = self.view.yaw if to_left else -self.view.yaw
+            step = min(step, max(self.setup.offset * math.sin(turned), rim))
+        self.aim.jammed(step, to_left)
 
     def backing_out(self, pose: PoseEstimate, distance: float) -> Twist:
         """Return the command that backs the unit out to a distance between the faces [m]."""

@@ -169,6 +169,25 @@ def test_after_a_jam_the_unit_goes_aside_by_the_rim_of_a_mouth_at_least(
     assert jams["mouths"] == pytest.approx([aside, -aside])
 
 
+@pytest.mark.parametrize("to_left", [True, False])
+@pytest.mark.parametrize(
+    ("pins_m", "aside"), [(-0.005, 0.003), (0.001, 0.003), (0.005, 0.005), (0.02, 0.008)]
+)
+def test_in_the_holes_a_unit_goes_aside_as_far_as_they_have_turned_it(
+    context: DockingContext, to_left: bool, pins_m: float, aside: float
+) -> None:
+    """By the rim of a mouth at least, and by twice the standard deviation of the side at most."""
+    side, setup = 1.0 if to_left else -1.0, context.setup
+    yaw = side * math.asin(pins_m / setup.offset)
+    X_DU = SE2(-0.5 * setup.pin_reach, 0.0, 0.0) @ SE2(0.0, 0.0, yaw) @ SE2(-setup.offset, 0.0, 0.0)
+    context.observe(Observation(S, PoseEstimate(S, X_DU, np.eye(3), S)))
+    context.memory.sigma_lateral = 0.004
+    assert context.view is not None
+    assert context.view.gap == pytest.approx(0.5 * setup.pin_reach)
+    context.jammed(to_left)
+    assert context.aim.lateral == pytest.approx(side * aside)
+
+
 def test_the_time_without_progress_runs_by_the_share_of_its_speed_that_a_unit_is_let_drive_at() -> None:
     memory = StateMemory(0)
     for k in range(1, 101):
