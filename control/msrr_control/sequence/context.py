@@ -152,7 +152,8 @@ class DockingContext:
             long-distance phase had the unit face it [rad].
         undocking: Whether the unit was commanded to undock.
         reassemble: Whether the next attempt begins with the long-distance phase.
-        assembled: Whether this attempt, which is not the first, began with the long-distance phase.
+        searches: Searches of this attempt that have failed: the unit has backed out, and searches anew.
+        approached: Whether this attempt has come beyond its searches.
         calibrate: Whether the unit has yet to calibrate before it docks.
         aim: Where the unit docks beside the axis.
         was_in_holes: Whether a seat switch has closed at the port in this attempt: a pin was at the bottom.
@@ -181,7 +182,8 @@ class DockingContext:
     turned: float = 0.0
     undocking: bool = False
     reassemble: bool = False
-    assembled: bool = False
+    searches: int = 0
+    approached: bool = False
     calibrate: bool = False
     aim: Aim = field(default_factory=Aim)
     was_in_holes: bool = False

@@ -10,9 +10,9 @@ from msrr_control.sequence.port_view import PortView
 from msrr_control.sequence.search import scan, turn_rate
 from msrr_scenes.messages import FailureReason, Phase, Twist, seconds
 
-#: Last attempt that begins nearer than the one before it because the port could not be found. The
-#: long-distance phase ends 0.7 m in front of it, and tags are as large as they get within view at 0.45 m.
-_NEARER_UP_TO = 3
+#: Failed searches after which a search still begins nearer than the one before it. The long-distance phase
+#: ends 0.7 m in front of the port, and tags are as large as they get within view at 0.45 m.
+_NEARER_UP_TO = 2
 
 
 def _what_was_read(c: DockingContext, unseen: float) -> str:
@@ -67,16 +67,16 @@ def hand_over(c: DockingContext) -> Twist | Transition:
 def _may_creep_unseen(c: DockingContext, view: PortView | None) -> bool:
     """Return whether the unit comes nearer to a target that it has just lost, or did not find before.
 
-    One or two readings of a small tag leave so much doubt about the way to the port that it may be at once
-    near. A next attempt comes nearer all the same if the long-distance phase has brought the unit in front of
-    the port for it: then the overhead camera knows the way.
+    One or two readings of a small tag leave so much doubt about the way to the port that it may be near. The
+    next searches come nearer all the same if the long-distance phase has brought the unit in front of the
+    port for them: then the overhead camera knows the way.
     """
     search = c.tuning.search
     if c.memory.crept_s * search.creep_mps >= search.unseen_m:
         return False
     if view is not None and _has_room(c, view):
         return True
-    return c.assembled and 1 < c.attempt <= _NEARER_UP_TO
+    return c.assembler is not None and 0 < c.searches <= _NEARER_UP_TO
 
 
 def _has_room(c: DockingContext, view: PortView) -> bool:

@@ -40,10 +40,11 @@ class State(NamedTuple):
 
 
 #: What the unit does in each phase and what may come next, in the order of a docking without failures. A
-#: failure leads to a retreat, from there to the next attempt: at the hand-over, or with the long-distance
-#: phase if the hand-over itself had failed or the collision monitor had held the approach. Where no attempt
-#: could do better it is final: the long-distance phase has given up, or there is none and the target was
-#: never seen. Undocking leads from DONE to RETREAT and back.
+#: failure leads to a retreat, from there to the next attempt at the hand-over. If the hand-over itself has
+#: failed, it leads to the next search of the same attempt, with the long-distance phase first, as it does if
+#: the collision monitor has held the approach. Where neither could do better it is final: the long-distance
+#: phase has given up, or there is none and the target was never seen. Undocking leads from DONE to RETREAT
+#: and back.
 STATES = {
     Phase.ASSEMBLE: State(states.assemble, leads_to=(Phase.HAND_OVER, Phase.FAILED)),
     Phase.HAND_OVER: State(hand_over, leads_to=(Phase.CALIBRATE, Phase.DOCK, Phase.RETREAT, Phase.FAILED)),

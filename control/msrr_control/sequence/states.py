@@ -58,6 +58,7 @@ def assemble(c: DockingContext) -> Twist | Transition:
 
 def begin_approach(c: DockingContext) -> None:
     """Let the controller begin an approach from here."""
+    c.approached = True
     if c.observation.pose is not None:
         c.controller.reset(c.control_inputs(c.observation.pose))
 
@@ -238,16 +239,22 @@ def _after_retreat(c: DockingContext) -> Transition:
         return Transition(Phase.FAILED, f"not released: {stuck}{after}", FailureReason.NOT_RELEASED)
     if c.undocking:
         return Transition(Phase.DONE, f"undocked, {c.gap:z.3f} m away")
-    if c.attempt >= c.spec.attempts:
-        reason = f"gave up after {counted(c.attempt, 'attempt')}: {c.belief.reason}"
+    if c.approached:
+        tries, what = c.attempt, counted(c.attempt, "attempt")
+    else:
+        c.searches += 1
+        tries, what = c.searches, f"its search failed {counted(c.searches, 'time')}"
+    if tries >= c.spec.attempts:
+        reason = f"gave up after {what}: {c.belief.reason}"
         return Transition(Phase.FAILED, reason, c.belief.setback)
-    c.attempt += 1
-    if c.was_in_holes and (c.presses or c.belief.setback in _SLIPPED):
-        c.slow_down()
-    c.was_in_holes = False
-    reason = f"attempt {c.attempt} from {c.gap:z.3f} m: {c.belief.reason}"
+    if c.approached:
+        c.attempt += 1
+        if c.was_in_holes and (c.presses or c.belief.setback in _SLIPPED):
+            c.slow_down()
+        c.approached, c.searches, c.was_in_holes = False, 0, False
+    search = f", search {c.searches + 1}" if c.searches else ""
+    reason = f"attempt {c.attempt}{search} from {c.gap:z.3f} m: {c.belief.reason}"
     assembler = c.assembler if c.reassemble else None
-    c.assembled = assembler is not None
     if assembler is None:
         return Transition(Phase.HAND_OVER, reason)
     c.reassemble = False

@@ -78,7 +78,7 @@ class DockingSpec(Spec):
     """Parameters of the phase machine."""
 
     attempts: int = Field(default=3, ge=1, le=20)
-    """Number of attempts before the robot gives up."""
+    """Number of approaches to the port before the robot gives up, and of searches for the marker in a row."""
     search_time_s: Duration = 7.0
     """How long the marker may stay unseen before hand-over fails [s]."""
     lost_time_s: Duration = 0.6

@@ -304,9 +304,11 @@ def test_a_target_that_was_seen_is_looked_for_from_nearer_where_the_long_distanc
     else:
         desk.ask(desk.at(0.7), covariance=nothing, los=_edges(0.5 * facts.los.outer, 0.0))
     seen_ns, crept = desk.now_ns, 0.0
-    while desk.machine.attempt == 1:
+    while desk.machine.phase is not Phase.RETREAT:
+        desk.ask(desk.at(0.7), covariance=nothing, exposed_ns=seen_ns)
+    while desk.machine.phase in (Phase.RETREAT, Phase.ASSEMBLE):
         desk.ask(desk.at(0.7), covariance=nothing, exposed_ns=seen_ns, lock=(LockPosition.OPEN, desk.now_ns))
-    while desk.machine.attempt == 2 and desk.machine.phase is not Phase.RETREAT:
+    while desk.machine.phase is Phase.HAND_OVER:
         crept += 0.02 * desk.ask(desk.at(0.7), covariance=nothing, exposed_ns=seen_ns).twist.v
     assert crept == pytest.approx(TUNING.search.unseen_m if assembled else 0.0, abs=0.001)
 
