@@ -14,6 +14,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, ArenaEstimate, GlobalPose, ObstacleEstimate, Twist, seconds
 from msrr_scenes.messages.coordination import Intent
 from msrr_scenes.specs.scene import Scene
+from msrr_scenes.specs.vehicle import LimitsSpec
 
 #: Travel of the farthest point of the unit between two measurements of clearance [m].
 _STEP_M = 0.01
@@ -33,6 +34,8 @@ _STANDSTILL_RADPS = 0.01
 #: straight in front of a face, 34 mm too far away), and a unit that is driven at an obstacle ends up just so.
 #: With the unit moved by this pose it does not fail.
 OFFSET = SE2(1.7e-4, 2.3e-4, 3e-4)
+#: Standard deviations of the lag of a drive, beyond that of the drawing, that are allowed for.
+_LAG_SIGMAS = 2.0
 #: Longest trajectory that is simulated [s], for limits of the drive that brake very slowly.
 _MAX_TIME_S = 5.0
 
@@ -122,18 +125,19 @@ class StoppingTrajectory:
 
     The trajectory of a command: the commands on the link arrive, then the command itself, and from the time
     at which the next command could arrive the unit brakes to a stop, all within the nested limits of Zheng et
-    al., eq. 3.
+    al., eq. 3. Nobody knows how far the drive lags behind that one of the drawing. So it begins at the larger
+    of the speeds of that one and of one that lags by as much as it is likely to, and brakes as the latter.
     """
 
     def __init__(self, scene: Scene) -> None:
         """Take limits, control rate and latency from the scene; the unit starts at rest."""
         self._limits = lim = scene.limits
-        self._follow_v = nested_limiter(lim.v_max_mps, lim.a_max_mps2, lim.kappa_per_s, _STEP_S)
-        self._follow_w = nested_limiter(lim.w_max_radps, lim.dw_max_radps2, lim.kappa_per_s, _STEP_S)
+        lag_s = 1e-3 * _LAG_SIGMAS * scene.as_built.drive.lag_ms.sigma
+        self._drawn = _Drive(lim, lim.kappa_per_s)
+        self._lagging = _Drive(lim, 1.0 / (1.0 / lim.kappa_per_s + lag_s)) if lag_s else self._drawn
         self._period_s = 1.0 / scene.control.rate_hz
         self._latency_s = 1e-3 * scene.link.latency_ms
-        self._delay_s = self._latency_s + self._period_s + 2.0 * _STEP_S + 1.0 / lim.kappa_per_s
-        self._velocity = Twist()
+        self._delay_s = self._latency_s + self._period_s + 2.0 * _STEP_S + 1.0 / self._lagging.kappa
         self._command = Twist()  # the command that is in force in the drive
         self._link: deque[tuple[int, Twist]] = deque()  # commands with their times of arrival [ns]
         self._now_ns: int | None = None
@@ -143,9 +147,9 @@ class StoppingTrajectory:
         before_ns = now_ns if self._now_ns is None else self._now_ns
         while self._link and self._link[0][0] <= now_ns:
             arrival_ns, command = self._link.popleft()
-            self._velocity = self._follow(self._velocity, self._command, seconds(arrival_ns - before_ns))
+            self._follow(seconds(arrival_ns - before_ns))
             before_ns, self._command = arrival_ns, command
-        self._velocity = self._follow(self._velocity, self._command, seconds(now_ns - before_ns))
+        self._follow(seconds(now_ns - before_ns))
         self._now_ns = now_ns
 
     def send(self, command: Twist) -> None:
@@ -158,7 +162,7 @@ class StoppingTrajectory:
         age = seconds(max(now_ns - own.stamp_ns, 0))
         if age == 0.0:
             return own.X_WB
-        return own.X_WB @ SE2.exp(self._velocity.v * age, 0.0, self._velocity.w * age)
+        return own.X_WB @ SE2.exp(self._drawn.v * age, 0.0, self._drawn.w * age)
 
     def min_clearance(
         self, command: Twist, X_WU: SE2, present: float, local_map: LocalMap, threshold: float
@@ -200,8 +204,9 @@ class StoppingTrajectory:
         v, w = abs(command.v), abs(command.w)
         for earlier in (self._command, *(sent for _, sent in self._link)):
             v, w = max(v, abs(earlier.v)), max(w, abs(earlier.w))
-        lim, now = self._limits, self._velocity
-        v, w = max(abs(now.v), min(v, lim.v_max_mps)), max(abs(now.w), min(w, lim.w_max_radps))
+        lim = self._limits
+        v_now, w_now = self._fastest()
+        v, w = max(abs(v_now), min(v, lim.v_max_mps)), max(abs(w_now), min(w, lim.w_max_radps))
         braking = 0.5 * v**2 / lim.a_max_mps2 + 0.5 * reach * w**2 / lim.dw_max_radps2
         return (v + reach * w) * self._delay_s + braking
 
@@ -212,9 +217,10 @@ class StoppingTrajectory:
             The pose (x, y, yaw) in the present frame U, and the travel of the farthest point of the unit
             since the pose before.
         """
-        follow_v, follow_w, sin, cos = self._follow_v, self._follow_w, math.sin, math.cos
+        drive, sin, cos = self._lagging, math.sin, math.cos
+        follow_v, follow_w = drive.follow_v, drive.follow_w
         upcoming = self._upcoming(command)
-        v_now, w_now = self._velocity.v, self._velocity.w
+        v_now, w_now = self._fastest()
         x, y, yaw, t = 0.0, 0.0, 0.0, 0.0
         while t < _MAX_TIME_S:
             while upcoming and upcoming[0][0] <= t + _SAME_S:
@@ -223,7 +229,7 @@ class StoppingTrajectory:
             step = _STEP_S
             if upcoming and upcoming[0][0] - t < step:
                 step = upcoming[0][0] - t
-                v_next, w_next = self._after(v_now, w_now, v_sent, w_sent, step)
+                v_next, w_next = drive.after(v_now, w_now, v_sent, w_sent, step)
             else:
                 v_next, w_next = follow_v(v_now, v_sent), follow_w(w_now, w_sent)
             v, w = 0.5 * (v_now + v_next), 0.5 * (w_now + w_next)
@@ -252,21 +258,50 @@ class StoppingTrajectory:
         upcoming.append((self._latency_s + self._period_s, Twist()))  # when the next command could arrive
         return upcoming
 
-    def _follow(self, velocity: Twist, command: Twist, dt: float) -> Twist:
-        """Return the velocity of the drive when a command has been in force for ``dt``."""
-        v, w, v_sent, w_sent = velocity.v, velocity.w, float(command.v), float(command.w)
+    def _follow(self, dt: float) -> None:
+        """Let the command that is in force act for ``dt`` [s]."""
+        self._drawn.follow(self._command, dt)
+        if self._lagging is not self._drawn:
+            self._lagging.follow(self._command, dt)
+
+    def _fastest(self) -> tuple[float, float]:
+        """Return the largest speed and turn rate that the unit may have now, with their signs."""
+        drawn, lagging = self._drawn, self._lagging
+        return max(drawn.v, lagging.v, key=abs), max(drawn.w, lagging.w, key=abs)
+
+
+class _Drive:
+    """A drive with the nested limits, as it follows commands, from rest on.
+
+    Attributes:
+        kappa: Bandwidth of its inner loop [1/s].
+        follow_v: Speed [m/s] a step of ``_STEP_S`` later, by the present one and the command.
+        follow_w: Turn rate [rad/s], likewise.
+        v: Present speed [m/s].
+        w: Present turn rate [rad/s].
+    """
+
+    def __init__(self, limits: LimitsSpec, kappa: float) -> None:
+        """Begin at rest."""
+        self._limits, self.kappa = limits, kappa
+        self.follow_v = nested_limiter(limits.v_max_mps, limits.a_max_mps2, kappa, _STEP_S)
+        self.follow_w = nested_limiter(limits.w_max_radps, limits.dw_max_radps2, kappa, _STEP_S)
+        self.v = self.w = 0.0
+
+    def follow(self, command: Twist, dt: float) -> None:
+        """Follow a command that is in force for ``dt`` [s]."""
+        v_sent, w_sent = float(command.v), float(command.w)
         while dt > _SAME_S:
             step = min(_STEP_S, dt)
-            v, w = self._after(v, w, v_sent, w_sent, step)
+            self.v, self.w = self.after(self.v, self.w, v_sent, w_sent, step)
             dt -= step
-        return Twist(v, w)
 
-    def _after(self, v: float, w: float, v_sent: float, w_sent: float, step: float) -> tuple[float, float]:
+    def after(self, v: float, w: float, v_sent: float, w_sent: float, step: float) -> tuple[float, float]:
         """Return the speeds one step of at most ``_STEP_S`` later."""
         if step == _STEP_S:  # nearly all are
-            return self._follow_v(v, v_sent), self._follow_w(w, w_sent)
+            return self.follow_v(v, v_sent), self.follow_w(w, w_sent)
         lim = self._limits
         return (
-            nested_limit(v, v_sent, lim.v_max_mps, lim.a_max_mps2, lim.kappa_per_s, step),
-            nested_limit(w, w_sent, lim.w_max_radps, lim.dw_max_radps2, lim.kappa_per_s, step),
+            nested_limit(v, v_sent, lim.v_max_mps, lim.a_max_mps2, self.kappa, step),
+            nested_limit(w, w_sent, lim.w_max_radps, lim.dw_max_radps2, self.kappa, step),
         )
