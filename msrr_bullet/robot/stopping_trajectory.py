@@ -125,8 +125,9 @@ class StoppingTrajectory:
 
     The trajectory of a command: the commands on the link arrive, then the command itself, and from the time
     at which the next command could arrive the unit brakes to a stop, all within the nested limits of Zheng et
-    al., eq. 3. Nobody knows how far the drive lags behind that one of the drawing. So it begins at the larger
-    of the speeds of that one and of one that lags by as much as it is likely to, and brakes as the latter.
+    al., eq. 3. How far the drive lags behind that of the drawing is not known. So the trajectory begins at
+    the larger of the speeds of two drives, one as drawn and one that lags by as much as is likely, and brakes
+    as the latter does.
     """
 
     def __init__(self, scene: Scene) -> None:
