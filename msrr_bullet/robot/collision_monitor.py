@@ -14,8 +14,9 @@ from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.collision.locked_group import NEIGHBOUR_MARGIN_M
 from msrr_bullet.robot.close_neighbours import CloseNeighbours
+from msrr_bullet.robot.local_map import LocalMap
 from msrr_bullet.robot.port_map import PortMap
-from msrr_bullet.robot.stopping_trajectory import LocalMap, StoppingTrajectory
+from msrr_bullet.robot.stopping_trajectory import StoppingTrajectory
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     ArenaEstimate,

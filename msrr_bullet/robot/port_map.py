@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from msrr_bullet.collision.clearance import Clearance
 from msrr_bullet.collision.clearance_model import ClearanceModel
-from msrr_bullet.robot.stopping_trajectory import OFFSET, LocalMap
+from msrr_bullet.robot.local_map import OFFSET, LocalMap
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate

@@ -7,8 +7,8 @@ import pytest
 
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
+from msrr_bullet.robot.local_map import OFFSET
 from msrr_bullet.robot.port_map import PortMap
-from msrr_bullet.robot.stopping_trajectory import OFFSET
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ArenaEstimate, GlobalPose, MonitorState, PoseEstimate, Twist

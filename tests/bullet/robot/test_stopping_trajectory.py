@@ -12,7 +12,8 @@ import pytest
 from msrr_bullet.collision.clearance_model import ClearanceModel
 from msrr_bullet.plant.kinematic_plant import KinematicPlant
 from msrr_bullet.robot.collision_monitor import CollisionMonitor
-from msrr_bullet.robot.stopping_trajectory import LocalMap, StoppingTrajectory
+from msrr_bullet.robot.local_map import LocalMap
+from msrr_bullet.robot.stopping_trajectory import StoppingTrajectory
 from msrr_bullet.sensors.command_link import CommandLink
 from msrr_bullet.sensors.schedule import Periodic
 from msrr_scenes.as_built import draw_as_built
