@@ -71,6 +71,8 @@ class StateMemory:
         crept_s: Time of the slow approach to the target since it was last seen [s].
         unseen: Timer of the target being unseen.
         switches: Timer of the seat switches saying what the phase waits for.
+        parted: Timer of the seat switches being open at the port after one of them had closed there.
+        parted_gap: Gap at which they opened [m].
         opened: Timer of the lock being open.
         looked_behind: Timer of the unit knowing what is behind it, or no longer waiting to know.
         arrived: Timer of the unit standing at the end of its retreat or tug.
@@ -94,9 +96,9 @@ class StateMemory:
         self.crept_s = 0.0
         self.unseen, self.switches, self.arrived = HoldTimer(), HoldTimer(), HoldTimer()
         self.opened, self.looked_behind, self.limited = HoldTimer(), HoldTimer(), HoldTimer()
-        self.doubted = HoldTimer()
+        self.doubted, self.parted = HoldTimer(), HoldTimer()
         self.backing: Observation | None = None
-        self.sigma_lateral = self.pushed = 0.0
+        self.sigma_lateral = self.pushed = self.parted_gap = 0.0
         self.before: PortView | None = None
         self.tugged = 0.0
         self._best, self._best_ns = math.inf, since_ns

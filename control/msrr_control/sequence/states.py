@@ -86,7 +86,8 @@ def dock(c: DockingContext) -> Twist | Transition:
     tugs = spec.verify.by_sight and spec.verify.tug_m > 0.0
     if tugs and closed and view.gap > with_doubt(c.setup.pin_reach + tuning.contact_m, view.sigma_gap):
         c.distrusts = True
-    c.was_in_holes = c.was_in_holes or (switches is not None and (switches.left or switches.right))
+    any_closed = switches is not None and (switches.left or switches.right)
+    c.was_in_holes = c.was_in_holes or any_closed
     if not closed:
         c.closed_gap = None
     elif c.closed_gap is None:
@@ -115,6 +116,12 @@ def dock(c: DockingContext) -> Twist | Transition:
         c.memory.pushed += c.dt * (c.press_mps if passed is None else passed.v)
     # Pins hold only a unit that the monitor let push on by more than what counts as progress.
     pressed = at_port and c.memory.pushed > c.memory.next_progress(tuning.progress_m, way)
+    parted_s = c.memory.parted.update(at_port and c.was_in_holes and not any_closed, now_ns)
+    if parted_s <= 0.0:
+        c.memory.parted_gap = view.gap
+    # Pressing on would turn it on, towards what stands beside the port.
+    if parted_s > tuning.parted_s and view.gap >= c.memory.parted_gap:
+        return Transition.back_out(f"slid out of the port as it pressed, at {view}", FailureReason.OFF_AXIS)
     if idle > spec.stall_time_s:
         if closed and at_port and tugs:
             # Sight may be what is wrong, and would be so in the next attempt as well; a tug test tells.
@@ -128,8 +135,7 @@ def dock(c: DockingContext) -> Twist | Transition:
             reason = f"no progress for {idle:.1f} s at {view}"
         if pressed and not closed:
             # The pin that is farther in tells how the unit is turned: sight may be off by more than that.
-            one_closed = switches is not None and switches.left != switches.right
-            to_left = switches.right if one_closed and switches is not None else view.yaw > 0.0
+            to_left = switches.right if any_closed and switches is not None else view.yaw > 0.0
             c.jammed(to_left)
         return Transition.back_out(reason, FailureReason.STALLED, reassemble=held)
     twist = c.controller.step(c.control_inputs(pose))

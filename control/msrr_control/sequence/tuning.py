@@ -50,6 +50,8 @@ class PhaseTuning(Spec):
         capture_deg: Largest heading error from which the funnel still centres the pins.
         press_turn_radps: Largest turn rate while pressing.
         debounce_s: Time for which both switches have to stay closed, or open, to be believed.
+        parted_s: Time for which both switches may be open at the port after one of them had closed there, if
+            the unit comes no nearer; in a port that holds it while it presses, one of them stays closed.
         slower_share: Share of its speed at the port that a unit keeps after an attempt in which it slipped.
         slowing_s: Time constant with which such a unit slows down to that speed on its way to the port, which
             a drive may lag behind by half a second.
@@ -81,6 +83,7 @@ class PhaseTuning(Spec):
     capture_deg: Tolerance = 7.0
     press_turn_radps: NonNegative = 0.4
     debounce_s: Time = 0.1
+    parted_s: Time = 0.3
     slower_share: float = Field(default=0.35, gt=0.0, le=1.0)
     slowing_s: Duration = 2.0
     switch_travel_m: Length = 0.002

@@ -370,6 +370,24 @@ def test_a_unit_that_turns_too_far_at_the_port_was_beside_the_axis_or_slid_away(
         assert abs(desk.ask(desk.at(0.9 * desk.facts.pin_reach, rim), closed=False).twist.w) < 1e-9
 
 
+@pytest.mark.parametrize("at_bottom", [False, True])
+def test_a_unit_presses_no_longer_when_both_seat_switches_have_opened_at_the_port(
+    desk: Desk, at_bottom: bool
+) -> None:
+    """It slides out. One that has never been at the bottom may be on its way there."""
+    desk.to_dock()
+    seen = desk.at(0.3 * desk.facts.pin_reach)
+    assert desk.ask(seen, closed=(False, at_bottom)).twist.v == desk.spec.press_mps
+    begin_ns = desk.now_ns
+    while (action := desk.ask(seen, closed=False)).phase is Phase.DOCK:
+        assert action.twist.v == desk.spec.press_mps
+    lasted_s = 1e-9 * (desk.now_ns - begin_ns)
+    slid = (TUNING.parted_s, FailureReason.OFF_AXIS)
+    longest_s, setback = slid if at_bottom else (desk.spec.stall_time_s, FailureReason.STALLED)
+    assert longest_s < lasted_s < longest_s + 0.1
+    assert (action.phase, desk.machine.belief.setback) == (Phase.RETREAT, setback)
+
+
 def test_a_unit_that_sees_itself_arrive_beside_the_port_aims_at_it_again(desk: Desk) -> None:
     desk.to_dock()
     assert desk.ask(desk.at(desk.facts.pin_reach, 1.05 * CAPTURE_M), closed=False).phase is Phase.RETREAT
