@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import gc
 import importlib.util
+import math
 import os
 import resource
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from functools import cache
@@ -31,6 +33,9 @@ CALIBRATION: Mapping[str, str] = {"as_built": "perfect"}
 #: Ideal unicycles and the true pose with errors: a trial in a fraction of a second, for what needs no pixels.
 BLIND: Mapping[str, str] = {"plant": "unicycle", "perception": "parametric"}
 
+#: Time of the loop of :func:`_reference` on a core for which the budgets of the tests are meant [s].
+REFERENCE_S = 1.2e-4
+
 ShippedScene = Callable[..., Scene]
 
 T = TypeVar("T")
@@ -48,6 +53,32 @@ def pytest_configure(config: pytest.Config) -> None:
     if config.getoption("numprocesses", None) and not hasattr(config, "workerinput"):
         for grade in ("careful", "perfect"):  # lenses that distort, and ideal ones
             prepare_cameras(load_scene("close_range", {"as_built": grade}), print)
+
+
+@pytest.fixture(scope="session")
+def cost_s() -> Callable[[Callable[[], object]], float]:
+    """Measure what a call costs on a core of a known speed [s], in times of a loop that does not change.
+
+    Whatever else runs on a machine slows down both; the best of many short rounds is what the code costs.
+    """
+
+    def measure(work: Callable[[], object]) -> float:
+        best = reference = math.inf
+        for _ in range(300):
+            times = [time.thread_time()]
+            for _ in range(5):
+                work()
+            times.append(time.thread_time())
+            _reference()
+            times.append(time.thread_time())
+            best, reference = min(best, (times[1] - times[0]) / 5), min(reference, times[2] - times[1])
+        return best * REFERENCE_S / reference
+
+    return measure
+
+
+def _reference() -> float:
+    return sum(0.5 * math.sqrt(i) for i in range(2_000))
 
 
 @pytest.fixture(scope="session")
