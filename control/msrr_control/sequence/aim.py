@@ -1,42 +1,80 @@
-"""Where a unit docks after pins have jammed: the search for the port to the side of the axis."""
+"""Where a unit docks after failed attempts: the search for the port beside the axis, and for its heading."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
 
+from msrr_scenes.geometry.se2 import SE2
 
-class Aim:
-    """Where a unit docks beside the axis after its pins have jammed, most likely as sight is wrong about it.
 
-    A funnel that pushes the pins to one side turns the unit to that side, so each jam tells on which side of
-    the place that was aimed at the port is. Beyond a jam on either side the next place is halfway.
+class _Bracket:
+    """Where a value is sought that is known to be on one side of each that was tried.
 
     Attributes:
-        lateral: Distance from the axis of the dock frame, to its left [m].
+        value: Value to try.
+        low, high: Values that it is between.
+    """
+
+    def __init__(self) -> None:
+        """Begin at 0."""
+        self.value, self.low, self.high = 0.0, -math.inf, math.inf
+
+    def missed(self, step: float, upwards: bool) -> None:
+        """Try another value, as the one sought is above the present one (``upwards``), or below it.
+
+        ``step`` is the way to the next value while one side is open; then the next is halfway.
+        """
+        if upwards:
+            self.low = self.value
+        else:
+            self.high = self.value
+        if math.isinf(self.high):
+            self.value += step
+        elif math.isinf(self.low):
+            self.value -= step
+        else:
+            self.value = 0.5 * (self.low + self.high)
+
+
+class Aim:
+    """Where a unit docks beside the axis after failed attempts, most likely as sight is wrong about it.
+
+    A funnel that pushes the pins to one side turns the unit to that side, so each jam tells on which side of
+    the place that was aimed at the port is. Beyond a jam on either side the next place is halfway. Likewise
+    the pin that is at the bottom first tells to which side the unit was turned as it came in.
     """
 
     def __init__(self) -> None:
         """Begin on the axis."""
-        self.lateral = 0.0
-        self._right, self._left = -math.inf, math.inf  # places that the port is between
+        self._lateral, self._yaw = _Bracket(), _Bracket()
         self._stops, self._first = 0, 0.0
+
+    @property
+    def lateral(self) -> float:
+        """Distance from the axis of the dock frame, to its left [m]."""
+        return self._lateral.value
+
+    @property
+    def yaw(self) -> float:
+        """Heading against that axis [rad]."""
+        return self._yaw.value
+
+    @property
+    def X_DA(self) -> SE2:
+        """Frame A that the unit takes for the dock frame D."""
+        return SE2(0.0, self.lateral, self.yaw)
 
     def jammed(self, step: float, to_left: bool) -> None:
         """Aim elsewhere after a jam.
 
         ``step`` is the way to the next place while the port is known to be on one side only [m].
         """
-        if to_left:
-            self._right = self.lateral
-        else:
-            self._left = self.lateral
-        if math.isinf(self._left):
-            self.lateral += step
-        elif math.isinf(self._right):
-            self.lateral -= step
-        else:
-            self.lateral = 0.5 * (self._right + self._left)
+        self._lateral.missed(step, to_left)
+
+    def turned(self, step: float, to_left: bool) -> None:
+        """Aim at another heading, as the unit came in turned to one side; ``step`` is as in a jam [rad]."""
+        self._yaw.missed(step, not to_left)
 
     def stopped(self, step: float, to_left: bool) -> None:
         """Aim elsewhere after the pins have stopped before the holes, where no funnel turns the unit.
@@ -47,12 +85,13 @@ class Aim:
         """
         if not self._stops:
             self._first = step if to_left else -step
-        farthest = max(-self._right, self._left)
+        right, left = self._lateral.low, self._lateral.high
+        farthest = max(-right, left)
         for place in self._beside():
             if abs(place) > farthest:
-                self.lateral = 0.5 * (self._right + self._left)
-            elif place != self.lateral and self._right < place < self._left:
-                self.lateral = place
+                self._lateral.value = 0.5 * (right + left)
+            elif place != self.lateral and right < place < left:
+                self._lateral.value = place
             else:
                 continue
             return

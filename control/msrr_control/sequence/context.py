@@ -12,13 +12,12 @@ from msrr_control.sequence.aim import Aim
 from msrr_control.sequence.observation import Assembler, Observation
 from msrr_control.sequence.port_view import PortView
 from msrr_control.sequence.tuning import PhaseTuning
-from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Belief, FailureReason, Phase, PoseEstimate, Twist, seconds
 from msrr_scenes.specs.control import DockingSpec
 
 STILL = Twist()
 
-#: Standard deviations of the side by which the next attempt aims elsewhere after pins have jammed.
+#: Standard deviations by which the next attempt aims elsewhere, after pins have jammed or slid out.
 _ASIDE = 2.0
 
 
@@ -83,6 +82,7 @@ class StateMemory:
         doubted: Timer of the collision monitor stopping it because nobody knows where others are.
         sigma_lateral: Smallest standard deviation of the lateral estimate [m] on the way to the port, near
             which wheels that may spin make it larger; 0 in a stay that begins there.
+        sigma_yaw: That of the heading [rad].
         pushed: Way that the unit was let push on at the port since it last made progress [m].
         before: View before a tug test; None in other phases.
         tugged: Way that the unit was let drive backwards in a tug test [m].
@@ -98,7 +98,7 @@ class StateMemory:
         self.opened, self.looked_behind, self.limited = HoldTimer(), HoldTimer(), HoldTimer()
         self.doubted, self.parted = HoldTimer(), HoldTimer()
         self.backing: Observation | None = None
-        self.sigma_lateral = self.pushed = self.parted_gap = 0.0
+        self.sigma_lateral = self.sigma_yaw = self.pushed = self.parted_gap = 0.0
         self.before: PortView | None = None
         self.tugged = 0.0
         self._best, self._best_ns = math.inf, since_ns
@@ -159,6 +159,8 @@ class DockingContext:
         calibrate: Whether the unit has yet to calibrate before it docks.
         aim: Where the unit docks beside the axis.
         was_in_holes: Whether a seat switch has closed at the port in this attempt: a pin was at the bottom.
+        came_turned: By how much the unit may have come in turned to the left [rad]: by two standard
+            deviations, to the side that the first pin at the bottom tells; 0 if both were there at once.
         presses: Whether the unit presses on in its seat, as a seat switch has opened with the wheels at rest.
         speed_share: Share of ``spec.press_mps`` at which the unit comes to the port and presses; see
             :meth:`slow_down`.
@@ -189,6 +191,7 @@ class DockingContext:
     calibrate: bool = False
     aim: Aim = field(default_factory=Aim)
     was_in_holes: bool = False
+    came_turned: float = 0.0
     presses: bool = False
     speed_share: float = 1.0
     distrusts: bool = False
@@ -245,6 +248,19 @@ class DockingContext:
         self.view = PortView.of(pose, observation.los, self.setup, now_ns)
         self.last_gap, self.ever_seen = self.view.gap, True
 
+    def reached_bottom(self, left: bool, right: bool) -> None:
+        """Take in which seat switches have closed as the first ones of this attempt."""
+        self.was_in_holes = True
+        self.came_turned = _ASIDE * self.memory.sigma_yaw * (right - left)
+
+    def slid(self) -> None:
+        """Aim at another heading in the next attempt, after the unit has slid out of the port.
+
+        Had both pins come to the bottom at once, it would have stood still there, held by wheels at rest.
+        """
+        if self.came_turned:
+            self.aim.turned(abs(self.came_turned), self.came_turned > 0.0)
+
     def jammed(self, to_left: bool) -> None:
         """Aim elsewhere in the next attempt, after the pins have jammed and turned the unit to one side.
 
@@ -279,7 +295,6 @@ class DockingContext:
 
     def _aimed(self, pose: PoseEstimate) -> PoseEstimate:
         """Return the pose relative to where the unit docks beside the axis."""
-        if not self.aim.lateral:
+        if not self.aim.lateral and not self.aim.yaw:
             return pose
-        x, y, yaw = pose.X_DU.as_array().tolist()
-        return replace(pose, X_DU=SE2(x, y - self.aim.lateral, yaw))
+        return replace(pose, X_DU=self.aim.X_DA.inverse() @ pose.X_DU)

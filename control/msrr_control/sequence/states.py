@@ -87,13 +87,15 @@ def dock(c: DockingContext) -> Twist | Transition:
     if tugs and closed and view.gap > with_doubt(c.setup.pin_reach + tuning.contact_m, view.sigma_gap):
         c.distrusts = True
     any_closed = switches is not None and (switches.left or switches.right)
-    c.was_in_holes = c.was_in_holes or any_closed
+    if any_closed and not c.was_in_holes and switches is not None:
+        c.reached_bottom(switches.left, switches.right)
     if not closed:
         c.closed_gap = None
     elif c.closed_gap is None:
         c.closed_gap = view.gap
     if not at_port:
         c.memory.sigma_lateral = min(c.memory.sigma_lateral or math.inf, view.sigma_lateral)
+        c.memory.sigma_yaw = min(c.memory.sigma_yaw or math.inf, view.sigma_yaw)
     near = with_doubt(tuning.near_m, view.sigma_gap)
     agrees = in_seat_range(view.gap - tuning.seated_gap_m, near) or not spec.verify.by_sight
     agrees = agrees and not c.distrusts  # then the unit presses for as long as it gets on
@@ -121,6 +123,7 @@ def dock(c: DockingContext) -> Twist | Transition:
         c.memory.parted_gap = view.gap
     # Pressing on would turn it on, towards what stands beside the port.
     if parted_s > tuning.parted_s and view.gap >= c.memory.parted_gap:
+        c.slid()
         return Transition.back_out(f"slid out of the port as it pressed, at {view}", FailureReason.OFF_AXIS)
     if idle > spec.stall_time_s:
         if closed and at_port and tugs:
@@ -142,9 +145,11 @@ def dock(c: DockingContext) -> Twist | Transition:
     if not at_port:
         return _slowed(c, twist, view.gap)
     if view.gap > _IN_HOLES * c.setup.pin_reach:
-        off_yaw, off_lateral = abs(view.yaw), abs(view.lateral - c.aim.lateral)
+        off_yaw, off_lateral = abs(view.yaw - c.aim.yaw), abs(view.lateral - c.aim.lateral)
         if off_lateral > tuning.capture_share * c.setup.mouth or off_yaw > math.radians(tuning.capture_deg):
-            if pressed and not c.was_in_holes:
+            if c.was_in_holes:
+                c.slid()
+            elif pressed:
                 c.jammed(view.yaw > 0.0)
             return Transition.back_out(f"too far off the axis at {view}", FailureReason.OFF_AXIS)
     # On a slippery floor wheels push the target along for as long as they spin.
@@ -257,7 +262,7 @@ def _after_retreat(c: DockingContext) -> Transition:
         c.attempt += 1
         if c.was_in_holes and (c.presses or c.belief.setback in _SLIPPED):
             c.slow_down()
-        c.approached, c.searches, c.was_in_holes = False, 0, False
+        c.approached, c.searches, c.was_in_holes, c.came_turned = False, 0, False, 0.0
     search = f", search {c.searches + 1}" if c.searches else ""
     reason = f"attempt {c.attempt}{search} from {c.gap:z.3f} m: {c.belief.reason}"
     assembler = c.assembler if c.reassemble else None

@@ -60,6 +60,34 @@ def test_jams_lead_to_the_port_from_both_sides(step: float, port: float) -> None
     assert aim.lateral not in tried
 
 
+@pytest.mark.parametrize("closed", [(True, False), (False, True), (True, True)])
+def test_a_unit_that_slid_out_aims_to_where_its_other_pin_comes_in_first(
+    context: DockingContext, closed: tuple[bool, bool]
+) -> None:
+    """Turned by two standard deviations, then half of that if the other pin is first."""
+    left, right = closed
+    side, context.memory.sigma_yaw = left - right, 0.02
+    tried = []
+    for first in (closed, (right, left)):
+        context.reached_bottom(*first)
+        context.slid()
+        tried.append(context.aim.yaw)
+    assert tried == pytest.approx([side * 0.04, side * 0.02])
+    assert context.aim.lateral == 0.0
+
+
+@given(st.floats(-0.1, 0.1), st.floats(-0.02, 0.02), st.floats(-0.1, 0.1))
+def test_the_frame_that_a_unit_aims_at_is_beside_the_axis_and_turned(
+    x: float, aside: float, yaw: float
+) -> None:
+    """A body at ``x`` ahead of it, on its axis."""
+    aim = Aim()
+    aim.jammed(abs(aside), aside > 0.0)
+    aim.turned(abs(yaw), yaw < 0.0)
+    X = (aim.X_DA @ SE2(x, 0.0, 0.0)).as_array()
+    assert pytest.approx([x * math.cos(yaw), aside + x * math.sin(yaw), yaw]) == X
+
+
 @pytest.mark.parametrize("to_left", [True, False])
 def test_pins_that_stop_before_the_holes_are_tried_on_both_sides(to_left: bool) -> None:
     aim = Aim()

@@ -344,18 +344,19 @@ def test_it_presses_only_from_where_the_funnel_captures(
 def test_a_unit_that_turns_too_far_at_the_port_was_beside_the_axis_or_slid_away(
     desk: Desk, at_bottom: bool
 ) -> None:
-    """Pins at the bottom were on the axis: it comes again more slowly; if no pin was, it comes in beside."""
+    """With one pin at the bottom it comes again more slowly, turned; if no pin was, beside the axis."""
     desk.to_dock()
     for _ in range(10):
         assert desk.ask(desk.at(0.6 * desk.facts.pin_reach), closed=(at_bottom, False)).phase is Phase.DOCK
     turned = desk.at(0.6 * desk.facts.pin_reach, 0.0, math.radians(10.0))
     assert desk.ask(turned, closed=False).phase is Phase.RETREAT
     assert desk.machine.belief.setback is FailureReason.OFF_AXIS
-    aim = 0.0 if at_bottom else (1.0 - TUNING.capture_share) * desk.facts.mouth
-    backs = desk.ask(desk.at(0.2, aim), closed=False, lock=(LockPosition.OPEN, desk.now_ns + DT_NS))
+    beside_m = (1.0 - TUNING.capture_share) * desk.facts.mouth
+    X_DA = SE2(0.0, 0.0, 2e-3) if at_bottom else SE2(0.0, beside_m, 0.0)  # the left pin was there first
+    backs = desk.ask(X_DA @ desk.at(0.2), closed=False, lock=(LockPosition.OPEN, desk.now_ns + DT_NS))
     while desk.machine.phase is not Phase.DOCK:
         desk.ask(desk.at(desk.spec.retreat_m), closed=False)
-    press = desk.ask(desk.at(0.9 * desk.facts.pin_reach, aim), closed=False)
+    press = desk.ask(X_DA @ desk.at(0.9 * desk.facts.pin_reach), closed=False)
     assert (backs.phase, press.phase, press.attempt) == (Phase.RETREAT, Phase.DOCK, 2)
     assert backs.twist.v < 0.0
     assert press.twist.v == desk.spec.press_mps * (TUNING.slower_share if at_bottom else 1.0)
@@ -366,8 +367,8 @@ def test_a_unit_that_turns_too_far_at_the_port_was_beside_the_axis_or_slid_away(
         assert desk.ask(turned, closed=False).phase is Phase.RETREAT
         while desk.machine.phase is not Phase.DOCK:
             desk.ask(desk.at(desk.spec.retreat_m), closed=False)
-        rim = (1.0 - TUNING.capture_share) * desk.facts.mouth
-        assert abs(desk.ask(desk.at(0.9 * desk.facts.pin_reach, rim), closed=False).twist.w) < 1e-9
+        X_DA = SE2(0.0, beside_m, 2e-3)
+        assert abs(desk.ask(X_DA @ desk.at(0.9 * desk.facts.pin_reach), closed=False).twist.w) < 1e-9
 
 
 @pytest.mark.parametrize("at_bottom", [False, True])
