@@ -27,8 +27,6 @@ _SAME_S = 1e-9
 #: Below these speeds a unit counts as stopped.
 _STANDSTILL_MPS = 0.002
 _STANDSTILL_RADPS = 0.01
-#: Standard deviations of the lag of a drive, beyond that of the drawing, that are allowed for.
-_LAG_SIGMAS = 2.0
 #: Longest trajectory that is simulated [s], for limits of the drive that brake very slowly.
 _MAX_TIME_S = 5.0
 
@@ -46,7 +44,7 @@ class StoppingTrajectory:
     def __init__(self, scene: Scene) -> None:
         """Take limits, control rate and latency from the scene; the unit starts at rest."""
         self._limits = lim = scene.limits
-        lag_s = 1e-3 * _LAG_SIGMAS * scene.as_built.drive.lag_ms.sigma
+        lag_s = scene.as_built.drive.longest_lag_s
         self._drawn = _Drive(lim, lim.kappa_per_s)
         self._lagging = _Drive(lim, 1.0 / (1.0 / lim.kappa_per_s + lag_s)) if lag_s else self._drawn
         self._period_s = 1.0 / scene.control.rate_hz

@@ -30,7 +30,8 @@ class UnitPrograms:
         drive = TargetModel.without_target(scene, unit, ACTIVE_PORT)
         self.overhead = OverheadLocalizer(scene, unit, drive)
         control_s, link_s = 1.0 / scene.control.rate_hz, 1e-3 * scene.link.latency_ms
-        self._reaction_s = control_s + link_s + 1.0 / scene.limits.kappa_per_s
+        drive_s = 1.0 / scene.limits.kappa_per_s + scene.as_built.drive.longest_lag_s
+        self._reaction_s = control_s + link_s + drive_s
         self._memory = CalibrationMemory() if scene.docking.learn_seats else None
 
     def along_route(self) -> tuple[RouteProgram, GuidedAssembler[Any]]:

@@ -154,6 +154,11 @@ class DriveDeviations(Spec):
     backlash_deg: PlayDeviation = PlayDeviation()
     """Play between the motor, whose angle the encoder measures, and the wheel [deg]."""
 
+    @property
+    def longest_lag_s(self) -> float:
+        """Time [s] by which the motors lag at most: two standard deviations, which 5 % of drives exceed."""
+        return 2e-3 * self.lag_ms.sigma
+
 
 class BodyDeviations(Spec):
     """Deviations of the body of a unit."""

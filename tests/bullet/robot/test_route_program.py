@@ -125,11 +125,12 @@ def test_one_that_faces_the_end_of_its_route_is_done_when_its_wheels_stand(scene
     assert program.estimates.belief.conviction is not Conviction.GAVE_UP
 
 
-def test_a_unit_stops_as_far_ahead_as_it_takes_to_react_and_to_brake() -> None:
+@pytest.mark.parametrize(("grade", "lag_s"), [("perfect", 0.0), ("rough", 0.4)])
+def test_a_unit_stops_as_far_ahead_as_it_takes_to_react_and_to_brake(grade: str, lag_s: float) -> None:
     """Within a period of control, the delay of the link and the lag of the drive it drives on as it did."""
-    scene = _scene(control={"rate_hz": 10.0}, link={"latency_ms": 70.0})
+    scene = _scene(control={"rate_hz": 10.0}, link={"latency_ms": 70.0}, as_built={"grade": grade})
     _, guided = UnitPrograms(scene, "a").along_route()
-    react_s = 0.1 + 0.07 + 1.0 / scene.limits.kappa_per_s
+    react_s = 0.1 + 0.07 + 1.0 / scene.limits.kappa_per_s + lag_s
     braking = 0.5 * 0.3**2 / (0.8 * scene.limits.a_max_mps2)
     assert guided.authority.stopping_distance(0.3) == pytest.approx(0.3 * react_s + braking)
 
