@@ -194,7 +194,7 @@ class FailureReason(Enum):
     UNREADY = "unready"
     """Seen, but never well enough or never inside the cone."""
     OFF_AXIS = "off_axis"
-    """At the port, too far off its axis for the pins to enter."""
+    """At the port, too far off its axis for the pins to enter, or slid out of it."""
     STALLED = "stalled"
     """No progress towards the port, or no seat behind it; ``docking.stall_time_s`` is the time allowed."""
     NOT_LATCHED = "not_latched"
