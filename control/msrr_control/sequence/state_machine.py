@@ -14,9 +14,11 @@ from msrr_control.docking.controller import Controller
 from msrr_control.docking.law import DockSetup
 from msrr_control.kinematics.elementwise import limit
 from msrr_control.sequence import states, verification
-from msrr_control.sequence.context import STILL, DockingContext, StateMemory, Transition
+from msrr_control.sequence.approach import begin_approach, dock
+from msrr_control.sequence.context import STILL, DockingContext, Transition
 from msrr_control.sequence.hand_over import hand_over
 from msrr_control.sequence.observation import Assembler, Observation
+from msrr_control.sequence.state_memory import StateMemory
 from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.errors import MsrrError, ProgramFailedError
 from msrr_scenes.messages import Action, Belief, Conviction, Phase, Twist
@@ -48,8 +50,8 @@ class State(NamedTuple):
 STATES = {
     Phase.ASSEMBLE: State(states.assemble, leads_to=(Phase.HAND_OVER, Phase.FAILED)),
     Phase.HAND_OVER: State(hand_over, leads_to=(Phase.CALIBRATE, Phase.DOCK, Phase.RETREAT, Phase.FAILED)),
-    Phase.CALIBRATE: State(states.calibrate, leads_to=(Phase.HAND_OVER,), enter=states.begin_approach),
-    Phase.DOCK: State(states.dock, leads_to=(Phase.LOCK, Phase.RETREAT), enter=states.begin_approach),
+    Phase.CALIBRATE: State(states.calibrate, leads_to=(Phase.HAND_OVER,), enter=begin_approach),
+    Phase.DOCK: State(dock, leads_to=(Phase.LOCK, Phase.RETREAT), enter=begin_approach),
     Phase.LOCK: State(states.lock, leads_to=(Phase.VERIFY, Phase.DOCK, Phase.RETREAT), holds_lock=True),
     Phase.VERIFY: State(
         verification.verify, leads_to=(Phase.DONE, Phase.TUG_TEST, Phase.RETREAT), holds_lock=True

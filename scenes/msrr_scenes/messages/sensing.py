@@ -186,6 +186,11 @@ class SeatSwitches:
         """Whether both pins are at the bottom of their holes."""
         return self.left and self.right
 
+    @property
+    def either(self) -> bool:
+        """Whether the left one, the right one or both are closed."""
+        return self.left or self.right
+
 
 class LockPosition(Enum):
     """The reported position of the lock's actuator, which reports ``closed`` also if it closed on nothing."""

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
 from msrr_control.sequence.aim import Aim
-from msrr_control.sequence.context import DockingContext, HoldTimer, StateMemory
+from msrr_control.sequence.context import DockingContext
 from msrr_control.sequence.observation import Observation
+from msrr_control.sequence.state_memory import HoldTimer, StateMemory
 from msrr_control.sequence.tuning import PhaseTuning
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import PoseEstimate, Twist

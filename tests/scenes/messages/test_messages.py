@@ -25,7 +25,8 @@ def test_times_are_whole_nanoseconds() -> None:
 
 @pytest.mark.parametrize(("left", "right"), [(True, True), (True, False), (False, True), (False, False)])
 def test_a_unit_is_seated_when_both_switches_say_so(left: bool, right: bool) -> None:
-    assert SeatSwitches("b", 0, left, right).both is (left and right)
+    switches = SeatSwitches("b", 0, left, right)
+    assert (switches.both, switches.either) == (left and right, left or right)
 
 
 def test_another_twist_changes_nothing_else_of_an_action() -> None:
