@@ -116,7 +116,8 @@ def _slid(c: DockingContext, view: PortView) -> Transition | None:
     if parted_s <= c.tuning.parted_s or view.gap < memory.parted_gap:
         return None
     c.slid()
-    return Transition.back_out(f"slid out of the port as it pressed, at {view}", FailureReason.OFF_AXIS)
+    reason = f"both seat switches opened again as it pressed, at {view}"
+    return Transition.back_out(reason, FailureReason.OFF_AXIS)
 
 
 def _stalled(c: DockingContext, view: PortView) -> Transition | None:
