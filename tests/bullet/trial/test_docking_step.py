@@ -236,3 +236,17 @@ def test_a_unit_that_slides_down_a_slippery_slope_docks_in_the_next_attempt(
     result = Trial(load_scene(path, {**overrides, **lagging}), seed).run()
     assert result.outcome is Outcome.COMPLETE
     assert len(result.steps[0].attempts) == 2
+
+
+@pytest.mark.nightly
+def test_a_unit_that_slides_out_of_a_port_keeps_away_from_its_neighbours(tmp_path: Path) -> None:
+    """While it pressed on for two seconds, it turned by 8 degrees and came within 18 mm of one of them."""
+    path = tmp_path / "slope.yaml"
+    path.write_text(_ASSEMBLY_ON_A_SLOPE)
+    floor = {"friction_percent": -90, "slope_x_deg": -1.436, "slope_y_deg": -1.393}
+    overrides = {f"as_built.floor.{key}.error": str(error) for key, error in floor.items()}
+    rough = {"as_built.grade": "rough", "perception": "parametric", "time_limit_s": "90"}
+    result = Trial(load_scene(path, {**overrides, **rough}), 5).run()
+    assert result.outcome is Outcome.COMPLETE
+    slid, _ = result.steps[0].attempts
+    assert "both seat switches opened again" in slid.reason
