@@ -36,13 +36,13 @@ after a first one. *Physics alone* is the same world with the same commands, and
 decides: the ratio to it says more about another machine than milliseconds do. *Calls of functions* counts
 those from Python, of which every run with the same versions has nearly as many, however busy the machine is.
 `make bench` measures the first table and careful robots of the third one again, and fails if a trial costs
-much more over its physics alone than here, or calls a twentieth more functions. `python docs/make_speed.py`
-makes this page of the files that the commands below write.
+much more over the physics within it than here, or calls a twentieth more functions. This page is made of the
+files that the commands below write, by `python docs/make_speed.py`.
 
 The overhead camera has 1280 x 960 pixels at 10 Hz, the camera of a docking unit 640 x 480 at 25 Hz. Units
 of the [grade](../explanation/as_built.md) *careful* have lenses that distort and cameras that expose for 10
 ms. *Real time factor* is simulated time over wall clock, *over physics alone* the ratio of *in all* to
-*physics alone*.
+*physics alone*, and *over physics within it* that to the row *physics*, which other programs change least.
 """
 
 

@@ -71,7 +71,7 @@ def bench(
         typer.Option(
             metavar="FILE",
             help="Comparison that --json wrote earlier; the exit code is 1 if a trial costs much more now, "
-            "over physics alone.",
+            "over the physics within it.",
         ),
     ] = None,
     profile: Annotated[

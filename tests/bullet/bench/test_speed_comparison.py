@@ -18,10 +18,11 @@ from msrr_bullet.bench.speed_comparison import (
     slower_than,
     variants_of,
 )
-from msrr_bullet.bench.trial_speed import BenchError
+from msrr_bullet.bench.trial_speed import BenchError, TrialSpeed
 from msrr_bullet.cli.app import run
 from msrr_scenes.errors import SceneError
 from msrr_scenes.specs.mission import ShapeSpec
+from msrr_scenes.specs.scene import Scene
 
 Capture = pytest.CaptureFixture[str]
 
@@ -38,7 +39,7 @@ def found() -> SpeedComparison:
 @pytest.mark.nightly  # and `make bench` in every run of continuous integration
 def test_a_grade_is_measured_and_compared(found: SpeedComparison, tmp_path: Path, capsys: Capture) -> None:
     """Perfect robots cost less than ever before, so that once is enough, and the exit code is 0."""
-    dear = {"physics_alone_ms_per_s": 1e-6, "calls_per_s": 1e9}
+    dear = {"real_time_factor": 1e-6, "calls_per_s": 1e9}
     earlier = found.variants["perfect"].model_copy(update=dear)
     old, new, plot = tmp_path / "old.json", tmp_path / "new.json", tmp_path / "plot.png"
     old.write_text(found.model_copy(update={"variants": {"perfect": earlier}}).model_dump_json())
@@ -61,14 +62,14 @@ def test_what_seems_slower_is_measured_again_and_ends_the_command_with_1(
     """The cheapest of three measurements counts."""
     speed = found.variants["careful"]
     costs = [2.0, 1.6, 1.8, 1.6, 1.2]  # over that of before; two commands
-    monkeypatch.setattr(
-        speed_comparison,
-        "_measured",
-        lambda scene: speed.model_copy(update={"real_time_factor": speed.real_time_factor / costs.pop(0)}),
-    )
+
+    def measured(scene: Scene, runs: int) -> TrialSpeed:
+        return speed.model_copy(update={"real_time_factor": speed.real_time_factor / costs.pop(0)})
+
+    monkeypatch.setattr(speed_comparison, "_measured", measured)
     command = ["bench", "close_range", "--grade", "careful", "--against", str(STORED)]
     assert run(command) == 1
-    assert f"close_range, careful: {1.6 * speed.times_physics_alone:.2f} times" in capsys.readouterr().out
+    assert f"close_range, careful: {1.6 * speed.times_own_physics:.2f} times" in capsys.readouterr().out
     assert costs == [1.6, 1.2]
     assert run(command) == 0
     assert costs == []
@@ -81,13 +82,14 @@ def test_a_comparison_is_drawn_in_every_format(found: SpeedComparison, ending: s
     assert drawn[0].startswith({"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}[ending])
 
 
-def test_only_what_costs_much_more_over_physics_alone_is_slower(found: SpeedComparison) -> None:
+def test_only_what_costs_much_more_over_the_physics_within_it_is_slower(found: SpeedComparison) -> None:
     def faster_by(factor: float) -> SpeedComparison:
         """Return the comparison with a cheaper careful trial, on a machine half as fast."""
         speed = found.variants["careful"]
+        physics = {"physics": 2.0 * speed.stages_ms_per_s["physics"]}
         changed = {
             "real_time_factor": 0.5 * factor * speed.real_time_factor,
-            "physics_alone_ms_per_s": 2.0 * speed.physics_alone_ms_per_s,
+            "stages_ms_per_s": {**speed.stages_ms_per_s, **physics},
         }
         careful = speed.model_copy(update=changed)
         return found.model_copy(update={"variants": {**found.variants, "careful": careful}})
