@@ -59,9 +59,12 @@ class GeometryError(MsrrError):
     """A unit description (URDF) that lacks a named frame or contradicts itself."""
 
 
-def nearest(name: object, valid: Iterable[str]) -> str:
-    """Return ``; did you mean 'x'?`` for the valid name x most like ``name``, or a full stop."""
-    near = difflib.get_close_matches(str(name), list(valid), n=1)
+def nearest(name: object, valid: Iterable[str], likeness: float = 0.6) -> str:
+    """Return ``; did you mean 'x'?`` for the valid name x most like ``name``, or a full stop.
+
+    ``likeness`` is the share of their letters that have to be the same, in the same order.
+    """
+    near = difflib.get_close_matches(str(name), list(valid), n=1, cutoff=likeness)
     return f"; did you mean {near[0]!r}?" if near else "."
 
 
@@ -69,7 +72,7 @@ def nearest(name: object, valid: Iterable[str]) -> str:
 DECIMAL_POINT = "; a decimal fraction has a point, as in 0.5"
 
 
-def nearest_key(key: object, valid: Iterable[str]) -> str:
+def nearest_key(key: object, valid: Iterable[str], likeness: float = 0.6) -> str:
     """Return what :func:`nearest` does, of ``x`` that it is ``x_m``, and of a number the mend.
 
     A number is a key where a decimal comma separates it, such as the 3 of ``{x_m: 0,3}``.
@@ -78,7 +81,9 @@ def nearest_key(key: object, valid: Iterable[str]) -> str:
         return f"{DECIMAL_POINT}."
     keys = list(valid)
     with_unit = [each for each in keys if each.startswith(f"{key}_")]
-    return nearest(min(with_unit, key=len), with_unit) if with_unit else nearest(key, keys)
+    if with_unit:
+        return nearest(min(with_unit, key=len), with_unit)
+    return nearest(key, keys, likeness)
 
 
 class UnknownNameError(MsrrError):

@@ -31,6 +31,9 @@ _TAGS: Mapping[type[BaseModel], str] = {DockStep: "dock", UndockStep: "undock", 
 #: Largest number of places of a key that are named where it is none.
 _MOST_PLACES = 5
 _NOT_KEYS = {"source"}  # fields that the program fills in
+#: Likeness to a key that is there, from which an unknown key is taken for a misspelling of it even if it is a
+#: key elsewhere.
+_MISSPELT = 0.8
 
 
 def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel]) -> Problem | None:
@@ -44,13 +47,16 @@ def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel]) 
     context = error.get("ctx", {})
     if kind == "extra_forbidden":
         keys = _keys_at(root, loc[:-1])
-        here = f" Keys here: {', '.join(keys)}" if keys else ""
-        return Problem(path, f"unknown key{_meant(str(loc[-1]), keys, root)}{here}")
+        parent = _written_path(loc[:-1], document.data)
+        return Problem(
+            path, f"unknown key{_meant(str(loc[-1]), keys, root, loc[:-1], parent)}{_keys_here(keys)[1:]}"
+        )
     if kind == "missing":
         return Problem((*path, str(loc[-1])), "required, and missing", rank=1)
     if kind == "flag":
-        found = f"the flag {context['shown']}; yes, no, on and off are flags unless quoted"
-        return Problem((*path, context["key"]), f"expected a value, found {found}")
+        return Problem(
+            (*path, context["key"]), _no_flag(_type_at(root, (*loc, context["key"])), context["shown"])
+        )
     if kind == "too_short":
         # pydantic counts the items that passed: a list whose only item is wrong is "too short" as well.
         enough = len(given) >= context["min_length"]
@@ -72,7 +78,11 @@ def explain(error: ErrorDetails, document: YamlDocument, root: type[BaseModel]) 
     if kind == "string_pattern_mismatch":
         return Problem(path, f"expected {_PATTERNS.get(str(loc[-1]), _NAME)}, found {found}")
     point = DECIMAL_POINT if isinstance(given, str) and re.fullmatch(r"[+-]?\d+,\d+", given) else ""
-    return Problem(path, _plainly(error["msg"], found) + point)
+    return Problem(path, _plainly(error["msg"], found, _keys_here(_keys_at(root, loc))) + point)
+
+
+def _keys_here(keys: list[str]) -> str:
+    return f". Keys here: {', '.join(keys)}" if keys else ""
 
 
 def _wrong_tag(path: KeyPath, tags: list[str], tag: str | None) -> Problem:
@@ -82,15 +92,30 @@ def _wrong_tag(path: KeyPath, tags: list[str], tag: str | None) -> Problem:
     return Problem(path, f"expected {valid}, found {_shown(tag)}{nearest(tag, tags)}")
 
 
-def _plainly(message: str, found: str) -> str:
-    """Rewrite pydantic's ``Input should be ...``; other messages stay as they are."""
+def _no_flag(annotation: Any, shown: str) -> str:
+    """Return what is wrong with the flag ``shown`` where ``annotation`` is expected."""
+    models = [member for member in _members(annotation) if _is_model(member)]
+    if not models:
+        return f"expected a value, found the flag {shown}; yes, no, on and off are flags unless quoted"
+    takes = f"{{enabled: {shown}}}" if "enabled" in models[0].model_fields else "{}"
+    says = "says that" if takes != "{}" else "takes the defaults"
+    return f"expected keys with values, found the flag {shown}; {takes} {says}"
+
+
+def _plainly(message: str, found: str, here: str) -> str:
+    """Rewrite pydantic's ``Input should be ...``; other messages stay as they are.
+
+    ``here`` is a sentence about the keys that are expected.
+    """
     if message.startswith("Value error, "):
         return message.removeprefix("Value error, ")
     head, _, _ = message.partition(", ")
     if head.endswith("Deviation"):
         return f"expected a number, or the keys sigma and error, found {found}"
+    if head.endswith("valid tuple") and found.startswith("'"):
+        return f"expected a list, found {found}; a list of one is [{found[1:-1]}]"
     if "valid dictionary" in head:
-        return f"expected keys with values, found {found}"
+        return f"expected keys with values, found {found}{here}"
     if head.startswith("Input should be "):
         wanted = head.removeprefix("Input should be ").replace("a valid tuple", "a list")
         bound = "a number " if wanted.startswith(("greater", "less")) else ""
@@ -181,23 +206,66 @@ def _keys_at(root: type[BaseModel], loc: tuple[int | str, ...]) -> list[str]:
     return [k for k in model.model_fields if k not in _NOT_KEYS] if _is_model(model) else []
 
 
-def _meant(key: str, keys: list[str], root: type[BaseModel]) -> str:
-    """Return where else a key is one, else ``; did you mean 'x'?`` for one that is there, or a full stop."""
-    places = sorted(set(_places_of(key, root)))
-    if not 0 < len(places) <= _MOST_PLACES:
+def _meant(
+    key: str, keys: list[str], root: type[BaseModel], loc: tuple[int | str, ...], parent: KeyPath
+) -> str:
+    """Return what an unknown key may stand for, as the end of a sentence.
+
+    That is a key that is there and much like it, what it is a key of, or a key that is there and a little
+    like it. ``loc`` is pydantic's location of the keys that are there, ``parent`` that in the document.
+    """
+    name, colon, value = key.partition(":")
+    if colon and name in keys:
+        return f"; a space is missing behind the colon, as in `{name}: {value}`."
+    misspelt = nearest_key(key, keys, _MISSPELT)
+    if misspelt != ".":
+        return misspelt
+    others = [other for other in _alternatives(root, loc) if key in other.model_fields]
+    if others:
+        have, here = " or ".join(map(_told_apart_by, others)), _told_apart_by(_type_at(root, loc))
+        return f"; it is a key of entries that have {have}, and not of those that have {here}."
+    places = sorted({place for place in _places_of(key, root) if not _matches(place, parent)})
+    below = [place for place in places if place]
+    if not places or len(below) > _MOST_PLACES:
         return nearest_key(key, keys)
-    return f"; it belongs below {', '.join(places[:-1])}{' or ' if len(places) > 1 else ''}{places[-1]}."
+    parts = ["at the top of the file"] if "" in places else []
+    if below:
+        parts.append(f"below {', '.join(below[:-1])}{' or ' if len(below) > 1 else ''}{below[-1]}")
+    return f"; it belongs {', or '.join(parts)}."
+
+
+def _alternatives(root: type[BaseModel], loc: tuple[int | str, ...]) -> list[type[BaseModel]]:
+    """Return the models of the union of which the one at a location of pydantic was chosen by its tag."""
+    members = [each for each in _members(_type_at(root, loc[:-1])) if _is_model(each)] if loc else []
+    return members if len(members) > 1 else []
+
+
+def _told_apart_by(model: type[BaseModel]) -> str:
+    """Return the keys that tell a model of a union from the others."""
+    for name, field in model.model_fields.items():
+        if typing.get_origin(field.annotation) is typing.Literal:
+            return f"{name}: {' or '.join(map(str, typing.get_args(field.annotation)))}"
+    return " and ".join(name for name, field in model.model_fields.items() if field.is_required())
+
+
+def _matches(place: str, path: KeyPath) -> bool:
+    """Return whether a dotted path, in which ``*`` stands for any name or number, is that of a mapping."""
+    parts = place.split(".") if place else []
+    return len(parts) == len(path) and all(p in ("*", str(q)) for p, q in zip(parts, path, strict=True))
 
 
 def _places_of(key: str, annotation: Any, at: str = "") -> Iterator[str]:
-    """Yield the parts of a document that have a key, as dotted paths; names and numbers in them are ``*``."""
+    """Yield the parts of a document that have a key, as dotted paths; names and numbers in them are ``*``.
+
+    The path of the whole document is empty.
+    """
     for member in _members(annotation):
         arguments = {dict: slice(1, 2), tuple: slice(0, 1)}.get(typing.get_origin(member))
         if arguments is not None:
             for inner in typing.get_args(member)[arguments]:
                 yield from _places_of(key, inner, f"{at}.*")
         elif _is_model(member):
-            if at and key in member.model_fields:
+            if key in member.model_fields:
                 yield at
             for name, field in member.model_fields.items():
                 yield from _places_of(key, field.annotation, f"{at}.{name}".lstrip("."))

@@ -28,6 +28,10 @@ MAX_KEY = 100
 
 #: What the parser calls things that are opened and closed, by brackets or quotation marks.
 _OPENED = re.compile("flow (mapping|sequence)|quoted scalar")
+#: A line in which a space is missing behind the colon of a key.
+_NO_SPACE = re.compile(r"\s*(?:- )?([a-z]\w*):([^\s:]\S*)\s*(?:#.*)?")
+#: What is wrong where the parser wants no key.
+_NO_KEY = "no key is expected here; check indentation, and put a text with a colon in quotes"
 #: Parts of messages of the parser that only its authors understand, and what is to be said instead.
 _WORDS: Mapping[str, str] = {
     r"'\t'": "a tab; indent with spaces",
@@ -35,7 +39,7 @@ _WORDS: Mapping[str, str] = {
     "the node content": "a value is expected here",
     "another document": "a second document begins here; a file holds one",
     "<block end>": "this does not go with what stands before it; check indentation, brackets and quotes",
-    "mapping values": "no key is expected here; check indentation, and put a text with a colon in quotes",
+    "mapping values": _NO_KEY,
 }
 
 _TAG = "tag:yaml.org,2002:"
@@ -114,7 +118,10 @@ def _compose(text: str, source: str) -> yaml.Node | None:
         return loader.get_single_node()
     except yaml.MarkedYAMLError as error:
         mark, problem = _in_words(error)
-        place = _position(source, mark.line, mark.column) if mark else source
+        line, column = (mark.line, mark.column) if mark else (0, 0)
+        if problem == _NO_KEY:
+            line, column, problem = _without_space(text.splitlines(), line) or (line, column, problem)
+        place = _position(source, line, column) if mark else source
         raise SceneError(f"{place}: not valid YAML: {problem}") from None
     except yaml.reader.ReaderError as error:
         line_start = text.rfind("\n", 0, error.position) + 1
@@ -138,7 +145,24 @@ def _in_words(error: yaml.MarkedYAMLError) -> tuple[yaml.Mark | None, str]:
         return opened or mark, "this is never closed" if opened else "the text ends where a value is expected"
     if "could not find expected ':'" in found:
         return error.context_mark or mark, "a line that is neither `key: value` nor part of a list"
+    if _OPENED.search(context) and found.startswith("expected ','") and error.context_mark:
+        opened = error.context_mark
+        closing = found.partition(", but")[0]
+        return (
+            mark,
+            f"{closing} for the bracket that opens in line {opened.line + 1}, column {opened.column + 1}",
+        )
     return mark, next((words for part, words in _WORDS.items() if part in found), found or context)
+
+
+def _without_space(lines: list[str], at: int) -> tuple[int, int, str] | None:
+    """Return line, column and mistake of a key without a space behind its colon in the line before ``at``."""
+    before = next((k for k in range(at - 1, -1, -1) if lines[k].strip()), None)
+    found = None if before is None else _NO_SPACE.fullmatch(lines[before])
+    if before is None or found is None:
+        return None
+    key, value = found.groups()
+    return before, found.start(1), f"a space is missing behind the colon, as in `{key}: {value}`"
 
 
 class _Composer(yaml.SafeLoader):
