@@ -173,7 +173,8 @@ def check_shapes(mission: Mission, lanes: Lanes) -> None:
         if form is not None:
             if len(form) != len(goal):
                 raise SceneError(
-                    f"a {stage.name} is not built from an assembly of {len(form)} units: the numbers differ"
+                    f"a {stage.name} is not built from an assembly of {len(form)} units: the numbers differ; "
+                    "build it of as many"
                 )
             if stage.named:
                 if units is None:

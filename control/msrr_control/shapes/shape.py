@@ -8,7 +8,7 @@ from functools import cached_property
 from itertools import combinations
 
 from msrr_control.shapes.bodies import ACTIVE_PORT, Body
-from msrr_scenes.errors import SceneError
+from msrr_scenes.errors import SceneError, nearest
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.specs.mission import Pattern, ShapeSpec
 
@@ -59,6 +59,10 @@ class Shape:
                 parent, _, port = to.partition(".")
                 if to != "root" and parent == place.name:
                     places.append(Place(name, parent, port))
+        for name, to in tree.items():
+            parent = to.partition(".")[0]
+            if to != "root" and parent not in tree:
+                raise SceneError(f"{name}: no place named {parent!r}{nearest(parent, tree)}")
         missing = [name for name in tree if name not in {p.name for p in places}]
         if missing:
             raise SceneError(

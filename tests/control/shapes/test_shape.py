@@ -104,7 +104,7 @@ def test_what_cannot_be_built_is_refused_with_its_reason(
     [
         ({"a": "b.rear", "b": "a.rear"}, "exactly one root, found none"),
         ({"a": "root", "b": "root"}, "exactly one root, found a, b"),
-        ({"a": "root", "b": "x.rear"}, "not joined to the root 'a': b"),
+        ({"a": "root", "b": "x.rear"}, "b: no place named 'x'"),
     ],
 )
 def test_what_is_no_tree_is_refused(tree: dict[str, str], reason: str) -> None:
