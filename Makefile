@@ -65,7 +65,7 @@ format: $(DEV)
 
 bench: $(STAMP)
 	$(BIN)/msrr bench close_range --grade perfect --grade careful --against docs/results/speed/close_range.json
-	$(BIN)/msrr bench assemble_cross --grade careful --against docs/results/speed/assemble_cross.json
+	$(BIN)/msrr bench sixteen --units 4 --against docs/results/speed/units.json
 
 clean:
 	rm -rf $(VENV) build dist runs
