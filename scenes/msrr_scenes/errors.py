@@ -25,6 +25,10 @@ class SceneError(MsrrError):
     """A scene that cannot be used as written."""
 
 
+class PlacementError(SceneError):
+    """A scene in which no start is found for one seed; there may be one for others."""
+
+
 class ChangedFileError(MsrrError):
     """A file that a scene names was written while it was in use; what was run with it counts for nothing."""
 

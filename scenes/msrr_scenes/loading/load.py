@@ -175,7 +175,8 @@ def _places(scene: Scene) -> YamlDocument:
 def scene_hash(scene: Scene) -> str:
     """Return a digest of everything in a scene that can change a trial: values, URDFs, meshes, textures.
 
-    The description and the path of the file do not count.
+    The description and the path of the file do not count. The order of units, obstacles and places does: in
+    that order bodies are simulated, and units speak and are planned for.
 
     Raises:
         TypeError: It is no scene, but the name of one, for example.
@@ -183,7 +184,7 @@ def scene_hash(scene: Scene) -> str:
     _expect_scene(scene)
     values = scene.model_dump(mode="json", exclude={"description", "source"})
     digest = hashlib.blake2b(digest_size=16)
-    digest.update(json.dumps(values, sort_keys=True, separators=(",", ":")).encode())
+    digest.update(json.dumps(values, separators=(",", ":")).encode())
     urdfs = [scene.geometry(unit).urdf for unit in sorted(scene.units)]
     of_files = {urdf: _digests_of_files(urdf) for urdf in set(urdfs)}  # most units share one URDF
     for urdf in urdfs:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from msrr_scenes.errors import SceneError
+from msrr_scenes.errors import PlacementError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.specs.control import LosSpec
@@ -169,7 +169,7 @@ def _draw_unit(
         X_WU = X_WF @ draw(pose, rng) @ X_PU
         if all(_sees_target(scene, step, {**units, unit: X_WU}) for step in seen):
             return X_WU, redraws
-    raise SceneError(
+    raise PlacementError(
         f"units.{unit}.pose: none of {MAX_REDRAWS} starts has the target {seen[0].to} inside the outer cone"
         f" of {scene.los.outer_deg:g} deg; turn the unit towards it or narrow the spread"
     )

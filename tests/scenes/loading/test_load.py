@@ -1,5 +1,6 @@
 """Scene files: what is read, what is overridden, and what a mistake is answered with."""
 
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -59,6 +60,16 @@ def test_every_shipped_scene_loads_and_says_what_it_is(name: str) -> None:
     assert scene.name == name
     assert len(scene.description) > 20
     check_scene(scene)  # and is good as a Python object as well
+
+
+def test_scenes_with_units_in_another_order_are_two(tmp_path: Path) -> None:
+    """Bodies are simulated, and units planned for, in that order: the results are others."""
+    parts = re.findall(r"^  [ab]:\n(?:    .*\n)+", GOOD, re.MULTILINE)
+    assert len(parts) == 2
+    turned = GOOD.replace("".join(parts), "".join(reversed(parts)))
+    assert turned != GOOD
+    digests = [scene_hash(load_scene(write(tmp_path, text))) for text in (GOOD, GOOD, turned)]
+    assert digests[0] == digests[1] != digests[2]
 
 
 def test_a_shipped_scene_has_the_shipped_robot_wherever_it_is_run(
