@@ -230,7 +230,7 @@ def _exit(summaries: Sequence[SweepSummary], labels: Sequence[str]) -> None:
         seed = f"{label}, seed {failure.seed}" if label else f"seed {failure.seed}"
         report_error(f"{seed} gave no result: {failure.error}", PROGRAM_ERROR)
     if failures:
-        raise typer.Exit(BAD_INPUT if all(f.stopped for _, f in failures) else PROGRAM_ERROR)
+        raise typer.Exit(BAD_INPUT if all(f.bad_input for _, f in failures) else PROGRAM_ERROR)
     trials = sum(summary.trials for summary in summaries)
     if failed := sum(summary.outcomes.get(Outcome.PROGRAM_FAILED.value, 0) for summary in summaries):
         text = f"the program of the unit failed in {failed} of {counted(trials, 'trial')}"

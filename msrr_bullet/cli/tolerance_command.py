@@ -104,7 +104,7 @@ def tolerance(
     _report(console, study)
     typer.echo(f"page: {folder / 'tolerance.html'}")
     if study.failures:
-        code = BAD_INPUT if study.only_stopped else PROGRAM_ERROR
+        code = BAD_INPUT if study.only_bad_input else PROGRAM_ERROR
         raise typer.Exit(report_error("\n".join(study.failures), code))
     if failed := study.program_failures:
         text = f"the program of a unit failed in {counted(len(failed), 'trial')}; the first one: {failed[0]}"

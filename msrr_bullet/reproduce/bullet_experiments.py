@@ -7,7 +7,6 @@ import math
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,6 @@ from msrr_bullet.run_folder import ProgressListener
 from msrr_bullet.studies.labels import label_of
 from msrr_bullet.studies.measures import MEASURES, OBSTACLE_MEASURES, Measure, PhaseName, paper_measures
 from msrr_bullet.studies.model import Count, Measured, Reproduction, Row, Table, rates_of
-from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trials import run_trials
 from msrr_bullet.trial.versions import package_versions
@@ -177,9 +175,8 @@ def run_or_fetch_trials(
         MsrrError: The scene cannot be run, the program failed in a trial, or the code was changed meanwhile.
     """
     counter.report()
-    trial = partial(measured_trial, code=code_fingerprint(scene))
     finished = run_trials(
-        [(scene, seeds)], jobs, store, trial=trial, result_type=MeasuredTrial, observer=counter.count
+        [(scene, seeds)], jobs, store, trial=measured_trial, result_type=MeasuredTrial, observer=counter.count
     )
     if finished.interrupted:
         raise KeyboardInterrupt
@@ -188,7 +185,7 @@ def run_or_fetch_trials(
     for seed in seeds:
         found = by_seed[seed]
         if isinstance(found, TrialFailure):
-            raise MsrrError(f"{scene.name}, seed {seed}: the program failed: {found.error}")
+            raise MsrrError(f"{scene.name}, seed {seed} gave no result: {found.error}")
         assert isinstance(found, MeasuredTrial)
         trials.append(found)
     return tuple(trials)

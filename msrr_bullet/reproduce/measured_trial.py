@@ -8,11 +8,9 @@ from typing import Annotated
 from pydantic import Field
 
 from msrr_bullet.reproduce.trial_series import DockingSeries, SeriesRecorder
-from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.timeline.path_following_series import PathFollowingSeries
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.step_result import Contact
-from msrr_scenes.errors import ChangedFileError
 from msrr_scenes.specs.scene import Scene
 
 
@@ -59,22 +57,9 @@ def _last_contact(scene: Scene, result: TrialResult) -> Contact | None:
     return last.contact if last.index == len(scene.docks) - 1 else None
 
 
-def measured_trial(scene: Scene, seed: int, code: str | None = None) -> MeasuredTrial:
-    """Run a trial and measure it; a :data:`msrr_bullet.sweep.worker_pool.TrialFunction`.
-
-    ``code`` is the fingerprint of the code that has to run it; None allows any.
-
-    Raises:
-        ChangedFileError: The code of this process is another one: it loads the source files when it starts,
-            and they may have been edited since ``code`` was computed.
-    """
+def measured_trial(scene: Scene, seed: int) -> MeasuredTrial:
+    """Run a trial and measure it; a :data:`msrr_bullet.sweep.worker_pool.TrialFunction`."""
     result, path_following, docking = record_trial(scene, seed)
-    if code is not None and code_fingerprint(scene) != code:
-        raise ChangedFileError(
-            f"{scene.name}, seed {seed}: the code was changed while the trials ran. This trial was run with"
-            " other code than those before it and is not stored. Start again, from a copy of the project that"
-            " nobody edits"
-        )
     measures = {} if docking is not None else {"settling": math.inf}
     if path_following is not None:
         measures.update(path_following.measures())

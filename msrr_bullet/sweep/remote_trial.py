@@ -1,4 +1,4 @@
-"""A trial in a process that somebody else started, which may run other code."""
+"""A trial in another process, which may run other code than the program that asked for it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.worker_pool import TrialFunction
 from msrr_bullet.trial.result import TrialResult
-from msrr_scenes.errors import MsrrError
+from msrr_scenes.errors import ChangedFileError, MsrrError
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.specs.scene import Scene
 
@@ -40,6 +40,25 @@ def remote_trial(trial: TrialFunction, codes: Mapping[str, str], scene: Scene, s
             "again"
         )
     _prepare(code, scene)
+    return trial(scene, seed)
+
+
+def local_trial(trial: TrialFunction, codes: Mapping[str, str], scene: Scene, seed: int) -> TrialResult:
+    """Run a trial in a process that was spawned for it, if the code is still that of when trials began.
+
+    A process that is spawned later, as one before it died, imports what is there then. Arguments are those of
+    :func:`remote_trial`.
+
+    Raises:
+        ChangedFileError: A file was written meanwhile.
+    """
+    code = codes.get(scene_hash(scene))
+    if code is None or code_fingerprint(scene, imported=True) != code:
+        raise ChangedFileError(
+            f"{scene.name}, seed {seed}: a file of the scene, of a class that it names, or of msrr-bullet "
+            "was written while the trials ran. Results from before are kept; start again, from a copy of the "
+            "project that nobody edits"
+        )
     return trial(scene, seed)
 
 

@@ -8,6 +8,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
+from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
 from typing import Any
 
@@ -31,6 +32,19 @@ def _follow(parent: BaseProcess) -> None:
     os._exit(1)  # the main thread may be in the middle of a trial, whose result nobody waits for
 
 
+class _NotingContext(SpawnContext):
+    """Makes processes that are spawned, and notes them: other children of this program are not the pool's."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.made: list[BaseProcess] = []
+
+    def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # type: ignore[override] # a class there
+        process = SpawnProcess(*args, **kwargs)
+        self.made.append(process)
+        return process
+
+
 class SpawnedPool(ProcessPoolExecutor):
     """Spawned processes, which end with their parent and never learn of Ctrl-C, the parent's to answer.
 
@@ -40,8 +54,8 @@ class SpawnedPool(ProcessPoolExecutor):
     """
 
     def __init__(self, workers: int, initializer: Callable[[], None] = end_with_parent) -> None:
-        super().__init__(workers, multiprocessing.get_context("spawn"), initializer)
-        self._other_children = set(multiprocessing.active_children())
+        self._context = _NotingContext()
+        super().__init__(workers, self._context, initializer)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Start ``fn(*args, **kwargs)`` in a worker, which may be started for it."""
@@ -71,8 +85,9 @@ class SpawnedPool(ProcessPoolExecutor):
 
     def kill(self) -> None:
         """End the processes at once, whatever they do."""
-        for child in set(multiprocessing.active_children()) - self._other_children:
-            child.kill()
+        for process in self._context.made:
+            if process.is_alive():
+                process.kill()
 
     def end(self) -> bool:
         """End the processes, and wait until they have ended; return whether Ctrl-C came meanwhile.

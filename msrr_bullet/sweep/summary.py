@@ -12,21 +12,22 @@ from msrr_scenes.wording import counted
 
 
 class TrialFailure(BaseModel, frozen=True):
-    """A trial without a result, because the program failed and not the robot, or because it took too long.
+    """A trial without a result, as the program failed and not the robot, or what was asked for cannot be.
 
     Attributes:
         scene: Name of the scene.
         scene_hash: Hash of the scene.
         seed: Seed of the trial.
         error: What happened.
-        stopped: Whether it was stopped because it took too long on the wall clock.
+        bad_input: Whether what was asked for is the cause, and not the program: the trial took longer on the
+            wall clock than it may, or no start is found for its seed.
     """
 
     scene: str
     scene_hash: str
     seed: int
     error: str
-    stopped: bool = False
+    bad_input: bool = False
 
 
 class Unsuccessful(BaseModel, frozen=True):

@@ -16,7 +16,7 @@ from pathlib import Path
 from msrr_bullet.seeds import checked_seed
 from msrr_bullet.sensors.preparation import prepare_cameras
 from msrr_bullet.sweep.provenance import code_fingerprint, own_code
-from msrr_bullet.sweep.remote_trial import remote_trial
+from msrr_bullet.sweep.remote_trial import local_trial, remote_trial
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_store import TrialStore
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction, TrialTask, WorkerPool
@@ -79,6 +79,13 @@ def _slots(jobs: int | Callable[[], int]) -> Callable[[], int]:
     return lambda: number
 
 
+def _named(trial: TrialFunction) -> str:
+    """Return the name of a function, with the arguments that it is given beside those of a trial."""
+    if isinstance(trial, partial):
+        return f"{_named(trial.func)} {trial.args} {trial.keywords}"
+    return f"{trial.__module__}.{getattr(trial, '__qualname__', type(trial).__qualname__)}"
+
+
 class _WantedTrials:
     """The trials that were asked for: those that have ended, and those that are missing.
 
@@ -86,13 +93,16 @@ class _WantedTrials:
     every scene, by its hash.
     """
 
-    def __init__(self, store: TrialStore | None, observer: TrialObserver | None) -> None:
+    def __init__(
+        self, store: TrialStore | None, observer: TrialObserver | None, trial: TrialFunction
+    ) -> None:
         self.outcomes: dict[tuple[str, int], TrialResult | TrialFailure] = {}
         self.codes: dict[str, str] = {}
         self.missing: deque[TrialTask] = deque()
         self.outdated = 0
         self._asked: set[tuple[str, int]] = set()
         self._store, self._observer, self._own = store, observer, own_code()
+        self._by = "" if trial is one_trial else f" {_named(trial)}"
 
     def add(self, scene: Scene, seeds: Iterable[int], runs_here: bool) -> None:
         """Ask for trials of a scene; those in the store have ended.
@@ -103,7 +113,7 @@ class _WantedTrials:
         self.codes[digest] = code
         new = [seed for seed in dict.fromkeys(map(checked_seed, seeds)) if (digest, seed) not in self._asked]
         self._asked.update((digest, seed) for seed in new)
-        stored = {} if self._store is None else self._store.get(digest, code, new)
+        stored = {} if self._store is None else self._store.get(digest, code + self._by, new)
         # A class of a user's own may have failed for what is mended since, such as a missing file.
         stored = {s: r for s, r in stored.items() if r.outcome is not Outcome.PROGRAM_FAILED}
         for seed, result in stored.items():
@@ -113,7 +123,9 @@ class _WantedTrials:
         if tasks:
             _check(scene)
             if self._store is not None:
-                self.outdated += len(self._store.outdated(digest, code) & {task.seed for task in tasks})
+                self.outdated += len(
+                    self._store.outdated(digest, code + self._by) & {task.seed for task in tasks}
+                )
                 self._store.put_scene(digest, scene.name, scene.model_dump_json())
             if runs_here:
                 prepare_cameras(scene, _log.info)  # once, instead of in every worker at the same time
@@ -133,7 +145,7 @@ class _WantedTrials:
         self.outcomes[task.scene_hash, task.seed] = outcome
         try:
             if self._store is not None and isinstance(outcome, TrialResult):
-                self._store.put(outcome, self.codes[task.scene_hash])
+                self._store.put(outcome, self.codes[task.scene_hash] + self._by)
         finally:
             self._show(outcome, False)
 
@@ -157,20 +169,20 @@ def run_trials(
 
     Ctrl-C stops the run after the trials that are running; a second Ctrl-C drops these as well. In both cases
     every computed result is in the store and among those returned. Scenes have been checked, and a repeated
-    trial is run once. ``result_type`` is what ``trial`` returns, as which stored results are read. All else,
+    trial is run once. ``result_type`` is what ``trial`` returns, as which stored results are read; those of
+    another function, told apart by its name, are others. All else,
     and the errors, are as for :func:`msrr_bullet.sweep.sweep.run_sweep`.
     """
     slots = _slots(jobs)
     check_wall_limit(wall_limit_s)
     with ExitStack() as stack:
         trial_store = stack.enter_context(TrialStore(Path(store), result_type)) if store is not None else None
-        wanted = _WantedTrials(trial_store, observer)
+        wanted = _WantedTrials(trial_store, observer, trial)
         for scene, seeds in batches:
             wanted.add(scene, seeds, runs_here=executor is None)
         if wall_limit_s is not None:
             trial = partial(trial, wall_limit_s=wall_limit_s)
-        if executor is not None:
-            trial = partial(remote_trial, trial, wanted.codes)
+        trial = partial(local_trial if executor is None else remote_trial, trial, wanted.codes)
         pool, interrupted = WorkerPool(slots, executor, trial, wanted.collect, wall_limit_s), False
         try:
             pool.run(wanted.missing)

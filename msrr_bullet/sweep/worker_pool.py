@@ -8,15 +8,17 @@ import logging
 import os
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
+from queue import Empty, SimpleQueue
+from time import monotonic
 from typing import Any, NamedTuple, Protocol
 
 from msrr_bullet.sweep.spawned_pool import SpawnedPool, end_with_parent
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.wall_limit import WallLimitError
-from msrr_scenes.errors import MsrrError
+from msrr_scenes.errors import MsrrError, PlacementError
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.wording import counted
 
@@ -73,6 +75,7 @@ class WorkerPool:
         self._trial = trial
         self._collector = collector
         self._running: dict[Future[Any], TrialTask] = {}
+        self._ended: SimpleQueue[Future[Any]] = SimpleQueue()  # says that a trial has ended
         self._overdue = ""  # why the processes were killed, if they were
 
     def run(self, tasks: deque[TrialTask]) -> None:
@@ -94,12 +97,12 @@ class WorkerPool:
 
     def finish(self) -> None:
         """Wait for the running trials and start no more; another Ctrl-C drops them."""
-        for future in list(self._running):
+        # Processes start trials in order, and have some that they have not begun yet. An executor that is not
+        # Python's may say of those that run that it has cancelled them.
+        ahead = [future for future in self._running if not future.done()][self._slots() :]
+        for future in ahead if self._pool is None else list(self._running):
             if future.cancel():
                 del self._running[future]
-        ahead: list[Future[Any]] = []  # what processes have, which start trials in order, but not begun yet
-        if self._pool is not None:
-            ahead = [future for future in self._running if not future.done()][self._slots() :]
         begun = self._running.keys() - ahead
         try:
             if begun:
@@ -144,6 +147,7 @@ class WorkerPool:
             future = Future()
             future.set_exception(error)
         self._running[future] = task
+        future.add_done_callback(self._ended.put)
 
     def _open(self, workers: int) -> SpawnedPool:
         if self._pool is None:
@@ -161,7 +165,7 @@ class WorkerPool:
         """Wait until a trial ends and collect all that have; return the tasks that a dead worker left."""
         self._overdue = ""
         most_s = None if self._wall_limit_s is None or self._pool is None else self._wall_limit_s + _OVERDUE_S
-        finished, _ = wait(self._running, most_s, return_when=FIRST_COMPLETED)
+        finished = self._wait(most_s)
         if not finished and self._pool is not None:
             # Each trial began when another one ended, or before. A class that goes on after any exception
             # keeps it from being stopped, but its process not from being killed.
@@ -170,7 +174,7 @@ class WorkerPool:
                 f"its process was killed {_OVERDUE_S:g} s later; let no class go on after a BaseException"
             )
             self._pool.kill()
-            finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
+            finished = self._wait()
         lost: list[TrialTask] = []
         misuse: MsrrError | None = None
         for future in finished:
@@ -180,8 +184,8 @@ class WorkerPool:
             error = future.exception()
             if error is None:
                 self._collector(task, future.result())
-            elif isinstance(error, WallLimitError):
-                self._collector(task, _failure(task, str(error), stopped=True))
+            elif isinstance(error, (WallLimitError, PlacementError)):
+                self._collector(task, _failure(task, str(error), bad_input=True))
             elif isinstance(error, MsrrError):
                 misuse = error
             elif isinstance(error, BrokenProcessPool):
@@ -199,10 +203,27 @@ class WorkerPool:
             self._restart()
         return lost
 
+    def _wait(self, most_s: float | None = None) -> list[Future[Any]]:
+        """Wait until a trial ends, for ``most_s`` at most; return all that have ended, which may be none.
 
-def _failure(task: TrialTask, error: str, stopped: bool = False) -> TrialFailure:
+        Not by :func:`concurrent.futures.wait`: where a second signal comes as it is left for a first one, it
+        raises ``RuntimeError``, as its lock is not taken back.
+        """
+        until = None if most_s is None else monotonic() + most_s
+        while self._running:
+            finished = [future for future in self._running if future.done()]
+            if finished:
+                return finished
+            try:
+                self._ended.get(timeout=None if until is None else max(until - monotonic(), 0.0))
+            except Empty:
+                break
+        return []
+
+
+def _failure(task: TrialTask, error: str, bad_input: bool = False) -> TrialFailure:
     return TrialFailure(
-        scene=task.scene.name, scene_hash=task.scene_hash, seed=task.seed, error=error, stopped=stopped
+        scene=task.scene.name, scene_hash=task.scene_hash, seed=task.seed, error=error, bad_input=bad_input
     )
 
 

@@ -43,7 +43,8 @@ class StudyTrial(StudyPart):
         outcome: Verdict of the judge, or ``no_result``.
         succeeded: Whether all units docked.
         error_text: Why there is no result; empty if there is one.
-        stopped: Whether there is none because the trial took too long on the wall clock.
+        bad_input: Whether there is none because of what was asked for; see
+            :class:`~msrr_bullet.sweep.summary.TrialFailure`.
         contacts: Errors at contact of every dock ``<unit> to <unit>.<port>``.
     """
 
@@ -52,7 +53,7 @@ class StudyTrial(StudyPart):
     outcome: str
     succeeded: bool
     error_text: str = ""
-    stopped: bool = False
+    bad_input: bool = False
     contacts: dict[str, ContactError]
 
 
@@ -211,16 +212,16 @@ class ToleranceStudy(StudyPart):
 
     @property
     def failures(self) -> list[str]:
-        """Every trial without a result, in words: the program failed in it, or it took too long."""
+        """Every trial without a result, in words."""
         return [
             f"{name}, seed {trial.seed} gave no result: {trial.error_text}"
             for name, trial in self._without_result()
         ]
 
     @property
-    def only_stopped(self) -> bool:
-        """Whether every trial without a result took too long on the wall clock."""
-        return all(trial.stopped for _, trial in self._without_result())
+    def only_bad_input(self) -> bool:
+        """Whether every trial without a result has none because of what was asked for."""
+        return all(trial.bad_input for _, trial in self._without_result())
 
     @property
     def program_failures(self) -> list[str]:

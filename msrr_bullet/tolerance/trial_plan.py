@@ -48,7 +48,7 @@ def study_trial(outcome: TrialResult | TrialFailure, error: float | None = None)
             outcome="no_result",
             succeeded=False,
             error_text=outcome.error,
-            stopped=outcome.stopped,
+            bad_input=outcome.bad_input,
             contacts={},
         )
     contacts = {

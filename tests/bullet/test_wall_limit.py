@@ -65,7 +65,7 @@ def test_a_controller_that_never_answers_is_ended_and_its_log_stays(stuck: Scene
 def test_a_sweep_counts_what_takes_too_long_and_goes_on(stuck: Scene) -> None:
     summary = run_sweep(stuck, range(2), executor=inline, wall_limit_s=0.5)
     assert summary.trials == 2
-    assert [(f.seed, f.stopped) for f in summary.failures] == [(0, True), (1, True)]
+    assert [(f.seed, f.bad_input) for f in summary.failures] == [(0, True), (1, True)]
     assert summary.outcomes == {}
 
 

@@ -16,7 +16,7 @@ from msrr_bullet.reproduce.measured_trial import MeasuredTrial, measured_trial
 from msrr_bullet.studies.measures import measure
 from msrr_bullet.sweep.provenance import code_fingerprint
 from msrr_bullet.sweep.trial_store import TrialStore
-from msrr_scenes.errors import MsrrError
+from msrr_scenes.errors import ChangedFileError
 from msrr_scenes.loading.load import load_scene, scene_hash
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
@@ -25,10 +25,14 @@ from msrr_scenes.specs.spec import Choice
 STORE = "trials.sqlite"
 
 
+#: Name of the function of which the results are.
+MEASURED = f"{measured_trial.__module__}.measured_trial"
+
+
 def keep(path: Path, scene: Scene, *trials: MeasuredTrial) -> None:
     with TrialStore(path, MeasuredTrial) as store:
         for trial in trials:
-            store.put(trial, code_fingerprint(scene))
+            store.put(trial, f"{code_fingerprint(scene)} {MEASURED}")
 
 
 C1 = Choice(name="c1")
@@ -63,12 +67,12 @@ def test_a_run_stops_when_the_code_changes_under_it(
 ) -> None:
     experiment = Experiment("short", "close_range", "", ("close",), {"C1": C1}, overrides=blind_loop)
     # The fingerprint of this process differs from that of its workers.
-    monkeypatch.setattr("msrr_bullet.reproduce.bullet_experiments.code_fingerprint", lambda scene: "0" * 24)
-    with pytest.raises(MsrrError, match="the code was changed"):
+    monkeypatch.setattr("msrr_bullet.sweep.trials.code_fingerprint", lambda scene, **_: "0" * 24)
+    with pytest.raises(ChangedFileError, match="was written while the trials ran"):
         reproduce_bullet([experiment], range(1), tmp_path / STORE)
     scene = experiment.load("C1")
     with TrialStore(tmp_path / STORE, MeasuredTrial) as store:
-        assert not store.get(scene_hash(scene), code_fingerprint(scene), range(1))
+        assert not store.get(scene_hash(scene), f"{'0' * 24} {MEASURED}", range(1))
 
 
 def test_a_trial_that_never_settled_is_kept_and_counted(blind_loop: dict[str, str], tmp_path: Path) -> None:

@@ -172,7 +172,7 @@ def test_successes_count_where_one_sweep_alone_has_them(scene: Scene, tmp_path: 
     worse: list[TrialResult | TrialFailure] = list(trials)
     worse[4] = trials[4].model_copy(update={"outcome": Outcome.COLLISION})
     worse[5] = TrialFailure(
-        scene=scene.name, scene_hash=scene_hash(scene), seed=5, error="out of time", stopped=True
+        scene=scene.name, scene_hash=scene_hash(scene), seed=5, error="out of time", bad_input=True
     )
     found = compare_sweeps(_table(tmp_path / "a.csv", trials), _table(tmp_path / "b.csv", worse))
     assert found.succeeded == (18, 16)
@@ -243,7 +243,7 @@ def test_what_else_the_sweeps_do_not_share_is_told(
 ) -> None:
     """Two tables of one scene may be of contact and of a model of it. Other workmanship is what is asked."""
     failure = TrialFailure(
-        scene=scene.name, scene_hash=scene_hash(scene), seed=2, error="out of time", stopped=True
+        scene=scene.name, scene_hash=scene_hash(scene), seed=2, error="out of time", bad_input=True
     )
     first = _table(tmp_path / "a.csv", [made_up(scene, 0), made_up(scene, 1), failure])
     for name, values, note in (

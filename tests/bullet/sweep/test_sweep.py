@@ -10,19 +10,22 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from msrr_bullet.simulation.world import BulletWorld
+from msrr_bullet.sweep.provenance import code_fingerprint
+from msrr_bullet.sweep.remote_trial import local_trial
 from msrr_bullet.sweep.summary import SweepSummary, TrialFailure
 from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.trial_store import TrialStore
 from msrr_bullet.sweep.trials import one_trial, run_trials
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes import load_scene, scene_hash
-from msrr_scenes.errors import SceneError
+from msrr_scenes.errors import ChangedFileError, PlacementError, SceneError
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 from tests.bullet.conftest import inline
@@ -103,16 +106,53 @@ def test_a_program_that_failed_is_run_again(scene: Scene, tmp_path: Path) -> Non
     """It may have failed for what is mended since and is no code, such as a file that it reads."""
     store = tmp_path / "trials.sqlite"
 
+    fails = {1}
+
     def failing(scene: Scene, seed: int) -> TrialResult:
         result = made_up(scene, seed)
-        return result.model_copy(update={"outcome": Outcome.PROGRAM_FAILED}) if seed == 1 else result
+        return result.model_copy(update={"outcome": Outcome.PROGRAM_FAILED}) if seed in fails else result
 
     failed = run_sweep(scene, range(3), store=store, executor=inline, trial=failing)
     assert failed.outcomes["program_failed"] == 1
-    again = run_sweep(scene, range(3), store=store, executor=inline, trial=made_up)
+    fails.clear()
+    again = run_sweep(scene, range(3), store=store, executor=inline, trial=failing)
     assert again.reused == 2
     assert "program_failed" not in again.outcomes
-    assert run_sweep(scene, range(3), store=store, executor=inline, trial=made_up).reused == 3
+    assert run_sweep(scene, range(3), store=store, executor=inline, trial=failing).reused == 3
+
+
+def other_trial(scene: Scene, seed: int, gain: float = 1.0) -> TrialResult:
+    return made_up(scene, seed)
+
+
+def test_results_of_one_function_are_not_taken_for_those_of_another(scene: Scene, tmp_path: Path) -> None:
+    """Nor those with one argument for those with another."""
+    functions = [made_up, other_trial, partial(other_trial, gain=2.0), partial(other_trial, gain=3.0)]
+    for reused in (0, 3):
+        for function in functions:
+            found = run_sweep(
+                scene, range(3), store=tmp_path / "trials.sqlite", executor=inline, trial=function
+            )
+            assert found.reused == reused
+
+
+def test_a_seed_without_a_start_costs_no_other_trial(scene: Scene) -> None:
+    def trial(scene: Scene, seed: int) -> TrialResult:
+        if seed == 0:
+            raise PlacementError("none of 1000 starts")
+        return made_up(scene, seed)
+
+    found = run_sweep(scene, range(4), executor=inline, trial=trial)
+    assert [(f.seed, f.bad_input, f.error) for f in found.failures] == [(0, True, "none of 1000 starts")]
+    assert sum(found.outcomes.values()) == 3
+
+
+def test_files_that_are_written_while_trials_run_are_noticed_where_a_process_starts(scene: Scene) -> None:
+    codes = {scene_hash(scene): code_fingerprint(scene)}
+    assert local_trial(made_up, codes, scene, 0) == made_up(scene, 0)
+    for other in ({}, dict.fromkeys(codes, "0" * 24)):
+        with pytest.raises(ChangedFileError, match=r"close_range, seed 0: a file .* was written while"):
+            local_trial(made_up, other, scene, 0)
 
 
 def test_many_scenes_share_one_pool_and_one_store(scene: Scene, tmp_path: Path) -> None:
@@ -237,14 +277,21 @@ def running_sweep(overrides: dict[str, str], store: Path, jobs: int) -> Iterator
     [
         (signal.SIGINT, 130, ("another Ctrl-C", "interrupted")),
         pytest.param(signal.SIGTERM, 143, ("terminated",), marks=pytest.mark.nightly),
+        # A session that ends sends both, with nothing between them.
+        pytest.param((signal.SIGINT, signal.SIGTERM), 143, ("terminated",), marks=pytest.mark.nightly),
     ],
 )
 def test_signals_on_the_command_line(
-    short_trial: dict[str, str], tmp_path: Path, number: int, code: int, said: tuple[str, ...]
+    short_trial: dict[str, str],
+    tmp_path: Path,
+    number: int | tuple[int, ...],
+    code: int,
+    said: tuple[str, ...],
 ) -> None:
     store = tmp_path / "trials.sqlite"
     with running_sweep(short_trial, store, jobs=1) as process:
-        os.killpg(process.pid, number)  # as a terminal and a queue of jobs do: to the workers as well
+        for each in (number,) if isinstance(number, int) else number:
+            os.killpg(process.pid, each)  # as a terminal and a queue of jobs do: to the workers as well
         out, err = process.communicate(timeout=60.0)
         settle(process.pid)
     assert process.returncode == code, err

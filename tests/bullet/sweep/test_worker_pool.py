@@ -1,5 +1,6 @@
 """The worker pool: processes that die, and trials that come out as in this process."""
 
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -7,10 +8,14 @@ import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from msrr_bullet.sweep.spawned_pool import SpawnedPool
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.trials import one_trial
@@ -98,6 +103,49 @@ def test_after_ctrl_c_only_the_trials_that_are_running_end(
     assert summary.trials == len(list(tmp_path.glob("ended_*"))) == trials
 
 
+class Uncancellable:
+    """An executor of threads whose futures say that they are pending until they end, as those of Dask do."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+
+        def work() -> None:
+            time.sleep(0.2 * args[-1])  # by its seed
+            result = fn(*args)
+            if not future.cancelled():
+                future.set_result(result)
+
+        threading.Thread(target=work, daemon=True).start()
+        return future
+
+
+def test_after_ctrl_c_the_trials_of_an_executor_that_cancels_anything_end(scene: Scene) -> None:
+    """It would drop those that run without a word."""
+    seen: list[int] = []
+
+    def observe(found: TrialResult | TrialFailure, _: bool) -> None:
+        seen.append(found.seed)
+        if len(seen) == 1:
+            raise KeyboardInterrupt
+
+    found = run_sweep(scene, range(9), jobs=3, executor=Uncancellable(), trial=made_up, observer=observe)
+    assert found.interrupted
+    assert found.trials == 4
+    assert sorted({0, *seen}) == [0, 1, 2, 3]
+
+
+def test_other_processes_of_the_program_are_not_those_of_a_pool() -> None:
+    other = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60.0,))
+    with SpawnedPool(1) as pool:
+        other.start()  # after the pool was made
+        try:
+            pool.kill()
+            assert other.is_alive()
+        finally:
+            other.kill()
+            other.join()
+
+
 @pytest.mark.nightly
 def test_a_trial_that_no_exception_stops_is_killed_with_its_process(
     short_trial: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -120,7 +168,7 @@ def test_a_trial_that_no_exception_stops_is_killed_with_its_process(
     scene = load_scene("close_range", short_trial)
     summary = run_sweep(scene, range(3), jobs=2, trial=trial, wall_limit_s=4.0)
     (failure,) = summary.failures
-    assert (failure.seed, failure.stopped) == (1, True)
+    assert (failure.seed, failure.bad_input) == (1, True)
     assert "not stopped by the limit of 4 s" in failure.error
     assert sum(summary.outcomes.values()) == 2
 
