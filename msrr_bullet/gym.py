@@ -238,7 +238,11 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
             turn = self._episode.go_on()
             if isinstance(turn, ControlInputs):
                 self._observation = observation(turn)
-                return self._observation, {"progress": self._episode.progress, "seed": seed, "idle": idle}
+                return self._observation.copy(), {
+                    "progress": self._episode.progress,
+                    "seed": seed,
+                    "idle": idle,
+                }
             idle.append(turn)
             seed = None
         raise MsrrError(
@@ -269,10 +273,10 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
         info: dict[str, Any] = {"progress": self._episode.progress}
         if isinstance(turn, ControlInputs):
             self._observation = observation(turn)
-            return self._observation, 0.0, False, False, info
+            return self._observation.copy(), 0.0, False, False, info
         late = turn.outcome is Outcome.TIMEOUT
         info |= {"result": turn, "is_success": turn.docked}
-        return self._observation, float(turn.docked), not late, late, info
+        return self._observation.copy(), float(turn.docked), not late, late, info
 
     def close(self) -> None:
         """Stop the trial that is under way."""

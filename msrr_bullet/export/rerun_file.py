@@ -6,6 +6,7 @@ detections and curves are added here.
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -83,7 +84,9 @@ def _write(log: Log, path: Path) -> None:
     # Rerun ends the process on some damaged logs, so all of the log is read, and judged, before it.
     messages = [(r.stamp_ns, unit_of(r.topic), r.message) for r in log.records(*topics)]
     scene = log.header.scene
-    recording = rr.RecordingStream("msrr-bullet", recording_id=f"{scene.name}-{log.header.seed}")
+    # Rerun takes recordings with one name for parts of one, also two runs of a trial with other controllers.
+    digest = hashlib.blake2b(log.path.read_bytes(), digest_size=6).hexdigest()
+    recording = rr.RecordingStream("msrr-bullet", recording_id=f"{scene.name}-{log.header.seed}-{digest}")
     recording.save(path, default_blueprint=_layout(scene))
     recording.log_file_from_path(log.path)
     _log_bodies(recording, scene)

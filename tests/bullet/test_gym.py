@@ -96,6 +96,19 @@ class Played:
         return Twist(*map(float, next(self.left)))
 
 
+def test_an_observation_is_the_agent_s_own(made: Callable[..., DockingEnv]) -> None:
+    """What an agent does to one changes none that follows; at the end the last one is given again."""
+    env = made(time_limit_s=4.0)
+    given, _ = env.reset(seed=0)
+    ended = False
+    while not ended:
+        last = given.copy()
+        given *= 0.0
+        given, _, terminated, ended, _ = env.step(np.zeros(2, dtype=np.float32))
+        assert not terminated
+    assert np.array_equal(given, last)
+
+
 @pytest.mark.usefixtures("undrawn_runs")
 def test_a_controller_with_the_same_commands_has_the_same_trial(
     made: Callable[..., DockingEnv], tmp_path: Path

@@ -22,6 +22,13 @@ def test_only_the_trials_that_differ_count() -> None:
     assert mcnemar(first, second).p == pytest.approx(binomtest(5, 13).pvalue)
 
 
+def test_trials_are_drawn_as_one_by_one_however_many_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    x, y = stream(3, "test/paired").uniform(size=(2, 37))
+    whole = paired_difference(x, y, 0.5)
+    monkeypatch.setattr("msrr_bullet.paired._DRAWN_AT_ONCE", 100)
+    assert paired_difference(x, y, 0.5) == whole
+
+
 def test_equal_ways_are_told_apart_as_rarely_as_the_level_says() -> None:
     """Of 300 pairs of samples without a difference at most 5 % may be told apart by either test; with the
     seed fixed no chance is involved, and 8 % is 2.4 standard deviations above."""
