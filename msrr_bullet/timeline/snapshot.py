@@ -29,6 +29,7 @@ class UnitStep(NamedTuple):
 
     unit: str
     step: DockStep | None
+    number: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,6 +51,7 @@ class StepSnapshot:
         monitor: Decision of the collision monitor; None without an overhead camera.
         assembly: Progress of the long-distance phase; None outside that phase.
         path: Path that the long-distance phase follows or followed last.
+        number: Number of steps and routes that began before it: a unit may come back to a port.
     """
 
     unit: str
@@ -65,11 +67,12 @@ class StepSnapshot:
     monitor: CollisionMonitorState | None = None
     assembly: AssemblyProgress | None = None
     path: AssemblyPath | None = None
+    number: int = 0
 
     @property
     def key(self) -> UnitStep:
         """The unit and its step."""
-        return UnitStep(self.unit, self.step)
+        return UnitStep(self.unit, self.step, self.number)
 
     @property
     def phase_text(self) -> str:

@@ -8,7 +8,7 @@ from typing import TypeVar
 from msrr_bullet.log import topics
 from msrr_bullet.log.records import ClearanceRecord, RadioReceipt, StartPoses, StepStart, TruePose
 from msrr_bullet.timeline.mission_snapshot import MissionSnapshot
-from msrr_bullet.timeline.snapshot import Snapshot, StepSnapshot
+from msrr_bullet.timeline.snapshot import Snapshot, StepSnapshot, UnitStep
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     Action,
@@ -47,7 +47,8 @@ class SnapshotBuilder:
         """Begin before the first message of a trial of a scene."""
         self._scene = scene
         self._X_BD: dict[str, SE2] = {}  # dock frames of the targets, by unit and port
-        self._steps: dict[str, DockStep | None] = {}  # by unit, in the order in which they began
+        self._steps: dict[str, UnitStep] = {}  # by unit, in the order in which they began
+        self._begun = 0
         self._starts: dict[str, SE2] = {}
         self._units: dict[str, SE2] = {}
         self._paths: dict[str, AssemblyPath] = {}
@@ -103,7 +104,8 @@ class SnapshotBuilder:
         if path is not None and path.stamp_ns < start.stamp_ns:  # else the new step has chosen it already
             del self._paths[start.unit]
         self._steps.pop(start.unit, None)
-        self._steps[start.unit] = start.step(self._scene)
+        self._steps[start.unit] = UnitStep(start.unit, start.step(self._scene), self._begun)
+        self._begun += 1
 
     def finish(self) -> Snapshot | None:
         """Return the instant that is over; None if nobody decided in it and it is none of a mission."""
@@ -124,20 +126,18 @@ class SnapshotBuilder:
             obstacles=self._obstacles(stamp_ns),
             clearance=clearance.clearance if clearance else None,
             steps=tuple(
-                self._step(unit, step, actions[unit], latest)
-                for unit, step in self._steps.items()
-                if unit in actions
+                self._step(step, actions[step.unit], latest)
+                for step in self._steps.values()
+                if step.unit in actions
             ),
             mission=mission,
         )
 
     def _step(
-        self,
-        unit: str,
-        step: DockStep | None,
-        action: Action | None,
-        latest: Mapping[tuple[str, type], object],
+        self, unit_step: UnitStep, action: Action | None, latest: Mapping[tuple[str, type], object]
     ) -> StepSnapshot:
+        unit, step, number = unit_step
+
         def get(kind: type[T]) -> T | None:
             message = latest.get((unit, kind))
             return message if isinstance(message, kind) else None
@@ -165,6 +165,7 @@ class SnapshotBuilder:
             monitor=get(CollisionMonitorState),
             assembly=get(AssemblyProgress),
             path=self._paths.get(unit),
+            number=number,
         )
 
     def _obstacles(self, stamp_ns: int) -> dict[str, SE2]:

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from msrr_bullet.timeline.snapshot import planned_paths
+from msrr_bullet.log import topics
+from msrr_bullet.log.records import StepStart, TruePose
+from msrr_bullet.timeline.snapshot import Snapshot, planned_paths, step_histories
+from msrr_bullet.timeline.snapshot_builder import SnapshotBuilder
+from msrr_scenes import load_scene
+from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.messages import Action, Phase, Twist
 from tests.bullet.conftest import with_step
 
 
@@ -27,3 +33,20 @@ def test_the_docking_unit_is_that_of_the_step(drive):
 def test_each_planned_path_is_found_once(short_snapshots):
     paths = planned_paths(short_snapshots)
     assert [path.number for path in paths] == list(range(1, len(paths) + 1))
+
+
+def test_a_unit_that_comes_back_to_a_port_has_another_step_there() -> None:
+    builder, found = SnapshotBuilder(load_scene("dock_again")), list[Snapshot]()
+    for index in range(3):  # to dock, to undock, to dock
+        stamp_ns = index * 1_000_000_000
+        builder.add(topics.STEPS, stamp_ns, StepStart(stamp_ns, index, "a", "front", "b.rear"))
+        for now_ns in (stamp_ns, stamp_ns + 20_000_000):
+            builder.add(topics.action("a"), now_ns, Action(now_ns, Phase.DOCK, 1, Twist()))
+            builder.add(topics.true_pose("a"), now_ns, TruePose("a", now_ns, SE2()))
+            finished = builder.finish()
+            assert finished is not None
+            found.append(finished)
+    histories = step_histories(found)
+    assert [[at.stamp_ns // 1_000_000_000 for at, _ in each] for each in histories.values()] == [
+        [index, index] for index in range(3)
+    ]
