@@ -211,6 +211,8 @@ class WorkerPool:
         """
         until = None if most_s is None else monotonic() + most_s
         while self._running:
+            while not self._ended.empty():  # of what is seen below, and was seen before
+                self._ended.get()
             finished = [future for future in self._running if future.done()]
             if finished:
                 return finished

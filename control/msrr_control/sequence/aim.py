@@ -20,6 +20,11 @@ class _Bracket:
         """Begin at 0."""
         self.value, self.low, self.high = 0.0, -math.inf, math.inf
 
+    def only_missed(self, upwards: bool) -> bool:
+        """Return whether values were tried, and the one sought is above them all (``upwards``), or below."""
+        this, other = (self.low, self.high) if upwards else (self.high, self.low)
+        return math.isfinite(this) and math.isinf(other)
+
     def missed(self, step: float, upwards: bool) -> None:
         """Try another value, as the one sought is above the present one (``upwards``), or below it.
 
@@ -65,12 +70,14 @@ class Aim:
         """Frame A that the unit takes for the dock frame D."""
         return SE2(0.0, self.lateral, self.yaw)
 
-    def jammed(self, step: float, to_left: bool) -> None:
-        """Aim elsewhere after a jam.
+    def jammed(self, step: float, to_left: bool) -> bool:
+        """Aim elsewhere after a jam; return whether all jams before it, at least one, were to the same side.
 
         ``step`` is the way to the next place while the port is known to be on one side only [m].
         """
+        again = self._lateral.only_missed(to_left)
         self._lateral.missed(step, to_left)
+        return again
 
     def turned(self, step: float, to_left: bool) -> None:
         """Aim at another heading, as the unit came in turned to one side; ``step`` is as in a jam [rad]."""

@@ -188,7 +188,9 @@ class DockingContext:
         if self.view is not None:
             turned = self.view.yaw if to_left else -self.view.yaw
             step = min(step, max(self.setup.offset * math.sin(turned), rim))
-        self.aim.jammed(step, to_left)
+        if self.aim.jammed(step, to_left):
+            # The port is farther to that side, or the unit comes in turned to it.
+            self.aim.turned(_ASIDE * self.memory.sigma_yaw, to_left)
 
     def backing_out(self, pose: PoseEstimate, distance: float) -> Twist:
         """Return the command that backs the unit out to a distance between the faces [m]."""

@@ -77,6 +77,21 @@ def test_a_unit_that_slid_out_aims_to_where_its_other_pin_comes_in_first(
     assert context.aim.lateral == 0.0
 
 
+@pytest.mark.parametrize("first", [True, False])
+def test_a_unit_that_jams_to_one_side_again_and_again_aims_at_another_heading_too(
+    context: DockingContext, first: bool
+) -> None:
+    """Turned away from that side by two standard deviations each time, until it jams to the other one."""
+    side, context.memory.sigma_yaw = 1.0 if first else -1.0, 0.02
+    in_holes = SE2(-0.5 * context.setup.pin_reach - context.setup.offset, 0.0, 0.0)
+    context.observe(Observation(S, PoseEstimate(S, in_holes, np.eye(3), S)))
+    tried = []
+    for to_left in (first, first, first, not first, first):
+        context.jammed(to_left)
+        tried.append(context.aim.yaw)
+    assert tried == pytest.approx([-side * yaw for yaw in (0.0, 0.04, 0.08, 0.08, 0.08)])
+
+
 @given(st.floats(-0.1, 0.1), st.floats(-0.02, 0.02), st.floats(-0.1, 0.1))
 def test_the_frame_that_a_unit_aims_at_is_beside_the_axis_and_turned(
     x: float, aside: float, yaw: float
