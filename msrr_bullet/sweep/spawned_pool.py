@@ -39,7 +39,8 @@ class _NotingContext(SpawnContext):
         super().__init__()
         self.made: list[BaseProcess] = []
 
-    def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # type: ignore[override] # a class there
+    # The base has a class by this name, and executors call it alike.
+    def Process(self, *args: Any, **kwargs: Any) -> SpawnProcess:  # type: ignore[override]  # a method for a class
         process = SpawnProcess(*args, **kwargs)
         self.made.append(process)
         return process

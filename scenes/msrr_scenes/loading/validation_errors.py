@@ -97,9 +97,8 @@ def _no_flag(annotation: Any, shown: str) -> str:
     models = [member for member in _members(annotation) if _is_model(member)]
     if not models:
         return f"expected a value, found the flag {shown}; yes, no, on and off are flags unless quoted"
-    takes = f"{{enabled: {shown}}}" if "enabled" in models[0].model_fields else "{}"
-    says = "says that" if takes != "{}" else "takes the defaults"
-    return f"expected keys with values, found the flag {shown}; {takes} {says}"
+    mend = f"{{enabled: {shown}}}" if "enabled" in models[0].model_fields else "{} for the defaults"
+    return f"expected keys with values, found the flag {shown}; write {mend}"
 
 
 def _plainly(message: str, found: str, here: str) -> str:

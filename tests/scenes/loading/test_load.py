@@ -240,8 +240,12 @@ def test_the_issues_start_sets_and_limits() -> None:
             "plant:unicycle\n\ndescription: two units",
             ["scene.yaml:1:1: not valid YAML: a space is missing behind the colon, as in `plant: unicycle`"],
         ),
-        ("plan:", "radio: true\nplan:", ["radio: expected keys with values, found the flag true; {} takes"]),
-        ("plan:", "control: {guard: no}\nplan:", ["found the flag false; {enabled: false} says that"]),
+        (
+            "plan:",
+            "radio: true\nplan:",
+            ["radio: expected keys with values, found the flag true; write {}"],
+        ),
+        ("plan:", "control: {guard: no}\nplan:", ["found the flag false; write {enabled: false}"]),
         (
             "plan:",
             "assembled: a.front-b.rear\nplan:",
