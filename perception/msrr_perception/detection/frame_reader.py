@@ -51,8 +51,12 @@ class FrameReader:
             self._detect(pixels, window, detector)
 
     def search(self, window: Window, detector: Detector) -> dict[int, Array]:
-        """Return where another detector finds tags in a window: tag id -> corners in the frame [px]."""
-        return {tag.tag_id: tag.corners for tag in detector.detect(self._pixels(window), window)}
+        """Return where another detector finds tags in a window: tag id -> corners in the frame [px].
+
+        Of two tags with the same id it is the clearer one, as in :meth:`detections`.
+        """
+        tags = detector.detect(self._pixels(window), window)
+        return {tag.tag_id: tag.corners for tag in sorted(tags, key=_by_clearness)}
 
     def detections(self, exposure: Exposure, tag_ids: Iterable[int] | None = None) -> Detections:
         """Return the detections, by ascending id, of all tags read or of those among ``tag_ids``."""
@@ -84,3 +88,7 @@ class FrameReader:
             known = self.found.get(tag.tag_id)
             if known is None or tag.decision_margin > known.decision_margin:
                 self.found[tag.tag_id] = tag
+
+
+def _by_clearness(tag: TagDetection) -> tuple[int, float]:
+    return tag.tag_id, tag.decision_margin

@@ -118,7 +118,7 @@ class CornerEkf:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything but the encoder readings."""
+        """Forget everything but the encoder readings, pushes that are expected and what was recalled."""
         self._predictions: dict[int, PoseEstimate | None] = {}
         self._history = MeasurementHistory(self._step.take, self._horizon_ns)
         self._head: tuple[FilterState, FilterState] | None = None
@@ -160,8 +160,8 @@ class CornerEkf:
         """
         pushed = self._step.pushed_ns
         if pushed and pushed[-1][1] >= from_ns:
-            from_ns, last_ns = pushed.pop()
-            until_ns = max(until_ns, last_ns)
+            first_ns, last_ns = pushed.pop()
+            from_ns, until_ns = min(from_ns, first_ns), max(until_ns, last_ns)
         oldest_ns = from_ns - 2 * self._horizon_ns
         pushed[:] = [span for span in pushed if span[1] >= oldest_ns] + [(from_ns, until_ns)]
 

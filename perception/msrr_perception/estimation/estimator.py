@@ -61,7 +61,7 @@ class Estimator(Protocol):
 _FARTHEST_M, _LARGEST_VARIANCE, _LATEST_NS = 100.0, 1e9, 2**62
 
 #: Largest time by which the clock of a camera, and with it the stamp of an exposure, can be ahead [ns].
-_AHEAD_NS = NS_PER_S
+AHEAD_NS = NS_PER_S
 
 
 def _pose(result: object) -> PoseEstimate | None:
@@ -107,7 +107,7 @@ def _prediction(
         return None
     for name in ("stamp_ns", "last_seen_ns"):
         ahead_ns = getattr(pose, name) - asked_ns
-        if ahead_ns > _AHEAD_NS:
+        if ahead_ns > AHEAD_NS:
             raise ValueError(
                 f"a {name} that is {seconds(ahead_ns):.3f} s {ahead}; expected the time of the pose, "
                 "or of an exposure that was added"

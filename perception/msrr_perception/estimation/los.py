@@ -5,10 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from msrr_perception.estimation.estimator import Estimator
+from msrr_perception.estimation.estimator import AHEAD_NS, Estimator
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import NS_PER_S, Detections, LosObservation, LosStatus, PoseMeasurement
+from msrr_scenes.messages import (
+    NS_PER_S,
+    Detections,
+    LosObservation,
+    LosStatus,
+    PoseEstimate,
+    PoseMeasurement,
+)
 
 #: Time for which a measured edge counts as seen, and for which predictions are trusted without any detection
 #: [ns]; longer where the newest frame is older than that, by the rate and the latency of the camera.
@@ -17,13 +24,18 @@ _SEEN_NS, _TRUSTED_NS = 300_000_000, 500_000_000
 #: Number of frames in which every tag of a port is read: close to it they take turns.
 _FRAMES = 3
 
+#: A measured edge may lie this far, and so many standard deviations of the pose, from where the pose has it:
+#: what lies farther is another tag with the same id, or a misread one.
+_FARTHEST_RAD, _FARTHEST_SIGMAS = math.radians(3.0), 5.0
+
 
 @dataclass(frozen=True, slots=True)
 class _EdgeBearing:
-    """The bearing [rad] of one edge in one exposure."""
+    """The bearing [rad] of one edge in one exposure; that of a tag may be of another tag with the same id."""
 
     stamp_ns: int
     bearing: float
+    of_tag: bool
 
 
 def edge_bearings(target: TargetModel, X_DU: SE2) -> tuple[float, float]:
@@ -31,15 +43,20 @@ def edge_bearings(target: TargetModel, X_DU: SE2) -> tuple[float, float]:
 
     Source: Zheng et al., eq. 21, with the camera anywhere on the unit and looking along its own axis.
     """
+    left, right = _edges_in_camera(target, X_DU)
+    return math.atan2(*left), math.atan2(*right)
+
+
+def _edges_in_camera(target: TargetModel, X_DU: SE2) -> list[tuple[float, float]]:
+    """Return how far (to the left, ahead) of the camera the left and the right edge are by a pose [m]."""
     (r00, r01, r02, p0), (r20, r21, r22, p2) = target.lateral_and_depth_rows
     c, s = math.cos(X_DU.yaw), math.sin(X_DU.yaw)
-    bearings = []
+    edges = []
     for x_D, y_D, z in target.edge_points_D:
         dx, dy = x_D - X_DU.x, y_D - X_DU.y
         x, y = c * dx + s * dy, c * dy - s * dx  # in U
-        bearings.append(math.atan2(-(r00 * x + r01 * y + r02 * z + p0), r20 * x + r21 * y + r22 * z + p2))
-    left, right = bearings
-    return left, right
+        edges.append((-(r00 * x + r01 * y + r02 * z + p0), r20 * x + r21 * y + r22 * z + p2))
+    return edges
 
 
 def measured_bearings(target: TargetModel, detections: Detections) -> tuple[float | None, float | None]:
@@ -65,8 +82,8 @@ class LosEstimator:
 
     An edge measured in a recent image is *seen* (close to the target, frames read the tags in turn); its
     bearing is advanced by the motion since that exposure, as the estimator's poses give it. An edge that was
-    not seen is *predicted* from the estimator's pose. The target is *lost* without a pose that rests on a
-    recent detection of any tag.
+    not seen, or seen where the pose at that exposure rules it out, is *predicted* from the estimator's pose.
+    The target is *lost* without a pose that rests on a recent detection of any tag.
     """
 
     def __init__(self, target: TargetModel) -> None:
@@ -82,11 +99,11 @@ class LosEstimator:
 
     def add_detections(self, detections: Detections) -> None:
         """Add the tags of one exposure; an older one than the newest known changes nothing."""
-        self._add(detections.exposure.stamp_ns, measured_bearings(self.target, detections))
+        self._add(detections.exposure.stamp_ns, measured_bearings(self.target, detections), of_tags=True)
 
     def add_pose(self, measurement: PoseMeasurement) -> None:
         """Add the bearings of a measured pose."""
-        self._add(measurement.exposure.stamp_ns, measurement.edge_bearings)
+        self._add(measurement.exposure.stamp_ns, measurement.edge_bearings, of_tags=False)
 
     def observe(self, now_ns: int, estimator: Estimator) -> LosObservation:
         """Return the line of sight at the time of the estimator's estimate.
@@ -103,10 +120,11 @@ class LosEstimator:
         estimate = estimator.estimate(now_ns)
         if estimate is None:
             return LosObservation(now_ns, math.nan, math.nan, math.nan, LosStatus.LOST)
+        self._forget_the_future(now_ns)
         predicted = edge_bearings(self.target, estimate.X_DU)
-        bearings = {estimate.stamp_ns: predicted}
-        seen_left = self._advanced(0, now_ns, estimate.stamp_ns, bearings, estimator)
-        seen_right = self._advanced(1, now_ns, estimate.stamp_ns, bearings, estimator)
+        poses: dict[int, PoseEstimate | None] = {estimate.stamp_ns: estimate}
+        seen_left = self._advanced(0, now_ns, predicted[0], estimate.stamp_ns, poses, estimator)
+        seen_right = self._advanced(1, now_ns, predicted[1], estimate.stamp_ns, poses, estimator)
         left = predicted[0] if seen_left is None else seen_left
         right = predicted[1] if seen_right is None else seen_right
         if now_ns - estimate.last_seen_ns > self._trusted_ns:
@@ -123,29 +141,46 @@ class LosEstimator:
         self,
         side: int,
         now_ns: int,
+        predicted: float,
         stamp_ns: int,
-        bearings: dict[int, tuple[float, float]],
+        poses: dict[int, PoseEstimate | None],
         estimator: Estimator,
     ) -> float | None:
         """Return an edge's last bearing advanced to ``stamp_ns``; None when it was not measured recently.
 
-        ``bearings`` has the bearings by pose at ``stamp_ns``; those at other instants are added.
+        None as well where the pose at its exposure rules it out. ``predicted`` is the bearing by the pose at
+        ``stamp_ns``; ``poses`` has that pose by its time, and those at other instants are added.
         """
         last = self._measured[side]
         if last is None or now_ns - last.stamp_ns > self._seen_ns:
             return None
-        if last.stamp_ns == stamp_ns:
-            return last.bearing
-        if last.stamp_ns not in bearings:  # both edges were often measured in the same exposure
-            then = estimator.predict(last.stamp_ns)
-            if then is None:
-                return None
-            bearings[last.stamp_ns] = edge_bearings(self.target, then.X_DU)
-        turned = bearings[stamp_ns][side] - bearings[last.stamp_ns][side]
-        return last.bearing + math.remainder(turned, 2.0 * math.pi)
+        if last.stamp_ns not in poses:  # both edges were often measured in the same exposure
+            poses[last.stamp_ns] = estimator.predict(last.stamp_ns)
+        then = poses[last.stamp_ns]
+        if then is None:
+            return None
+        left, ahead = _edges_in_camera(self.target, then.X_DU)[side]
+        before = math.atan2(left, ahead)
+        off = abs(math.remainder(last.bearing - before, 2.0 * math.pi))
+        if last.of_tag and off > _farthest(then, math.hypot(left, ahead)):
+            return None
+        return last.bearing + math.remainder(predicted - before, 2.0 * math.pi)
 
-    def _add(self, stamp_ns: int, edges: tuple[float | None, float | None]) -> None:
+    def _forget_the_future(self, now_ns: int) -> None:
+        """Forget bearings of a time that no clock can show, for those that follow would seem to be older."""
+        for side, last in enumerate(self._measured):
+            if last is not None and last.stamp_ns - now_ns > AHEAD_NS:
+                self._measured[side] = None
+
+    def _add(self, stamp_ns: int, edges: tuple[float | None, float | None], of_tags: bool) -> None:
         for side, bearing in enumerate(edges):
             known = self._measured[side]
             if bearing is not None and (known is None or stamp_ns > known.stamp_ns):
-                self._measured[side] = _EdgeBearing(stamp_ns, bearing)
+                self._measured[side] = _EdgeBearing(stamp_ns, bearing, of_tags)
+
+
+def _farthest(pose: PoseEstimate, distance: float) -> float:
+    """Return how far a bearing may be from that of a pose, of an edge so far from the camera [rad]."""
+    (xx, _, _), (_, yy, _), (_, _, yaw) = pose.covariance.tolist()
+    sigma = math.sqrt(max(yaw, 0.0)) + math.sqrt(max(xx + yy, 0.0)) / max(distance, 1e-6)
+    return _FARTHEST_RAD + _FARTHEST_SIGMAS * sigma

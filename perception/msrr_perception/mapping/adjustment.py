@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,12 +55,12 @@ class Adjusted:
     jacobian: csr_array
     factor: SuperLU
 
-    @property
+    @cached_property
     def redundancy(self) -> int:
         """Number of corner coordinates beyond those that it takes to find the variables."""
         return len(self.residuals) - len(np.unique(self.jacobian.indices))
 
-    @property
+    @cached_property
     def sigma_px(self) -> float:
         """Standard deviation of the coordinates of corners, from the residuals [px]."""
         return math.sqrt(float(self.residuals @ self.residuals) / max(self.redundancy, 1))

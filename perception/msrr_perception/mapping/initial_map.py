@@ -32,6 +32,9 @@ _OTHER_RAD = math.radians(8.0)
 #: can be taken for each other, its corners are at nearly the same pixels in both.
 _NEAR_PX = 8.0
 
+#: Number of views of a tag up to which it is placed again with each of them.
+_FEW_VIEWS = 8
+
 #: Most rounds over all tags and views after the last view is placed; they end when nothing changes.
 _ROUNDS = 10
 
@@ -127,8 +130,18 @@ class _Guess:
             self._placed_view[view] = True
             self._place_view(view)
             for tag in self._seen.tag[self._of_view[view]]:
-                self._place_tag(tag)
+                if self._may_have_moved(tag):
+                    self._place_tag(tag)
             self._place_view(view)
+
+    def _may_have_moved(self, tag: int) -> bool:
+        """Return whether a tag is to be placed again now that one more of its views is placed.
+
+        The cost grows with the square of the number of its views, of which many that agree tell little more:
+        it is placed again while they are few, and then whenever they have doubled.
+        """
+        views = int(self._placed_view[self._seen.view[self._of_tag[tag]]].sum())
+        return not self._placed_tag[tag] or views <= _FEW_VIEWS or views.bit_count() == 1
 
     def settle(self) -> None:
         """Place all tags and views again until nothing changes: later views tell more about earlier tags."""

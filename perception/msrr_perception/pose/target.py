@@ -34,6 +34,9 @@ _EDGE_TOLERANCE_M = 0.002
 #: Corners of the left and of the right edge of a tag.
 _UPRIGHT_EDGES = (0, 3), (1, 2)
 
+#: Corners of the lower and of the upper edge of a tag that is not turned.
+_LEVEL_EDGES = (0, 1), (3, 2)
+
 #: Index of the yaw in a state or pose vector.
 YAW = 2
 
@@ -268,7 +271,16 @@ def _side(y: float) -> str:
 
 
 def _outermost_edges(corners_D: Mapping[int, Array]) -> tuple[TagEdge, TagEdge]:
-    """Return the edges farthest to the left and to the right: a fixture has its tags anywhere."""
-    edges = [TagEdge(tag, pair) for tag in corners_D for pair in _UPRIGHT_EDGES]
-    y = [float(corners_D[edge.tag_id][list(edge.corners), 1].mean()) for edge in edges]
+    """Return the upright edges farthest to the left and to the right: a fixture has its tags anywhere.
+
+    A tag that is turned on its side stands on what is its left or its right edge elsewhere. Of one that
+    stands on a corner, the edges that are nearer to upright count.
+    """
+    edges, y = [], []
+    for tag, corners in corners_D.items():
+        along = np.abs(corners[1] - corners[0])[1:], np.abs(corners[2] - corners[1])[1:]  # (y, z) each
+        lies, stands = (float(np.arctan2(*way)) for way in along)  # angles from upright
+        for pair in _UPRIGHT_EDGES if stands <= lies else _LEVEL_EDGES:
+            edges.append(TagEdge(tag, pair))
+            y.append(float(corners[list(pair), 1].mean()))
     return edges[y.index(max(y))], edges[y.index(min(y))]

@@ -24,6 +24,12 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 #: Share of pairs of measurements of a body that stands which are seen to be of one place.
 _SAME_PLACE = 0.99
 
+#: Keeps the covariance of measurements that claim to be exact invertible, shape (3, 3).
+_TINY = 1e-18 * np.eye(3)
+
+#: Number of measurements that are known again when a network delivers them once more: two seconds of them.
+_REMEMBERED = 20
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackNoise:
@@ -119,7 +125,7 @@ class SeenPose:
     def is_at_place_of(self, other: SeenPose) -> bool:
         """Return whether both measurements are of one place, as far as their errors tell."""
         apart = deviation(self.pose.X_WB.as_array(), other.pose.X_WB.as_array())
-        S = self.pose.covariance + other.pose.covariance
+        S = self.pose.covariance + other.pose.covariance + _TINY
         return float(apart @ np.linalg.solve(S, apart)) <= chi_squared_quantile(_SAME_PLACE, 3)
 
 
@@ -171,6 +177,8 @@ class BodyTrack:
         standstill: Tells whether the body stands; it is given measurements only while the body drives.
         accepted: Number of measurements inside the gate.
         rejected: Number of measurements in a row outside the gate.
+        counted_ns: Times of the last measurements, for a network may deliver one again; none are noted before
+            the second.
     """
 
     state: Array
@@ -180,6 +188,7 @@ class BodyTrack:
     standstill: StandstillDetector
     accepted: int = 1
     rejected: int = 0
+    counted_ns: tuple[int, ...] = ()
 
     @classmethod
     def at_rest(cls, seen: SeenPose) -> BodyTrack:
@@ -225,11 +234,19 @@ class BodyTrack:
     def after(self, seen: SeenPose, noise: TrackNoise) -> BodyTrack:
         """Return the track after another measurement.
 
-        One that is older than the last counts only if the body stands where it stood then; the last one
+        One that is older than the last counts only if the body stands where it stood then; one that is
         delivered again does not count.
         """
-        if seen.pose.stamp_ns == self.seen.pose.stamp_ns:
+        counted_ns = self.counted_ns or (self.seen.pose.stamp_ns,)
+        if seen.pose.stamp_ns in counted_ns:
             return self
+        track = self._after(seen, noise)
+        if track is self:
+            return self
+        return replace(track, counted_ns=(*counted_ns, seen.pose.stamp_ns)[-_REMEMBERED:])
+
+    def _after(self, seen: SeenPose, noise: TrackNoise) -> BodyTrack:
+        """Return the track after a measurement that is delivered for the first time."""
         fused = self._fused(seen, noise, self.motion)
         if seen.pose.stamp_ns < self.seen.pose.stamp_ns:
             if fused is None or self.motion is not Motion.STANDS:

@@ -208,10 +208,44 @@ def test_bearings_of_ready_made_measurements_are_taken_as_seen(target: TargetMod
 
 def test_an_older_picture_does_not_replace_a_newer_one(target: TargetModel, scene: Scene) -> None:
     ekf, los = CornerEkf(target, scene.odometry), LosEstimator(target)
-    for frame, X in ((2, SE2(-0.5, 0.0, 0.0)), (1, SE2(-0.5, 0.0, 0.1))):
+    for frame, X in ((2, SE2(-0.5, 0.0, 0.0)), (1, SE2(-0.5, 0.0, 0.02))):
         picture = Detections(Exposure("a/onboard", frame, frame), see(pose_vector(X), target.port_tags), ())
         ekf.add_detections(picture)
         los.add_detections(picture)
     np.testing.assert_allclose(
         los.observe(2, ekf).left, edge_bearings(target, SE2(-0.5, 0.0, 0.0))[0], atol=1e-9
     )
+
+
+def test_a_stranger_with_the_id_of_an_edge_is_not_taken_for_it(target: TargetModel, scene: Scene) -> None:
+    """The filter rejects such a tag; its bearing went to the laws as that of an edge that is seen."""
+    drive = make_drive(4, X_DU=SE2(-0.7, 0.0, 0.0), speed=lambda X: (0.0, 0.0))
+    ekf, los = _following(target, scene, drive, 100)
+    left, right = edge_bearings(target, drive.X_DU)
+    stranger = see(pose_vector(SE2(-0.7, -0.2, 0.0)), target.port_tags[:1])  # 0.2 m farther to the left
+    for frame in range(10):
+        reading, _ = drive.step()
+        ekf.add_odometry(reading)
+        seen = see(pose_vector(drive.X_DU), target.port_tags[1:])
+        picture = Detections(Exposure("a/onboard", 1000 + frame, drive.now_ns), (*stranger, *seen), ())
+        assert measured_bearings(target, picture)[0] > left + 0.2
+        ekf.add_detections(picture)
+        los.add_detections(picture)
+    found = los.observe(drive.now_ns, ekf)
+    assert found.status is LosStatus.PREDICTED
+    np.testing.assert_allclose([found.left, found.right], [left, right], atol=0.003)
+
+
+def test_one_picture_from_the_future_does_not_stop_the_line_of_sight(
+    target: TargetModel, scene: Scene
+) -> None:
+    """Pictures that came after one that was stamped 10 s ahead changed nothing for 10 s."""
+    drive = make_drive(5, X_DU=SE2(-0.7, 0.0, -0.35), speed=_turning)
+    ekf, los = _following(target, scene, drive, 60)
+    ahead = Exposure("a/onboard", 1000, drive.now_ns + 10_000 * MS)
+    los.add_detections(Detections(ahead, see(pose_vector(drive.X_DU), target.port_tags), ()))
+    for _ in range(60):
+        _advance(drive, ekf, los, 1)
+        seen = los.observe(drive.now_ns, ekf)
+    assert seen.status is LosStatus.SEEN
+    np.testing.assert_allclose([seen.left, seen.right], edge_bearings(target, drive.X_DU), atol=0.004)

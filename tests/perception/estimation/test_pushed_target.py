@@ -59,3 +59,11 @@ def test_expected_pushes_are_one_while_they_overlap_and_forgotten_when_they_are_
     assert ekf._step.pushed_ns == [(300 * TICK_NS, 320 * TICK_NS)]
     ekf.expect_push(310 * TICK_NS, 330 * TICK_NS)
     assert ekf._step.pushed_ns == [(300 * TICK_NS, 330 * TICK_NS)]
+
+
+def test_an_expected_push_begins_with_the_first_of_those_that_overlap() -> None:
+    scene = load_scene("close_range").told()
+    ekf = CornerEkf(TargetModel.from_scene(scene, scene.docks[0]), scene.odometry)
+    ekf.expect_push(100 * TICK_NS, 120 * TICK_NS)
+    ekf.expect_push(50 * TICK_NS, 110 * TICK_NS)
+    assert ekf._step.pushed_ns == [(50 * TICK_NS, 120 * TICK_NS)]

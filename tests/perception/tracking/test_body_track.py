@@ -6,6 +6,7 @@ stands.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -321,6 +322,30 @@ def test_a_measurement_that_is_delivered_again_tells_nothing(drives: bool) -> No
     track = scene.run(1.01)
     assert (track.motion is Motion.DRIVES) == drives
     assert track.after(track.seen, NOISE) is track
+
+
+@pytest.mark.parametrize("late", [False, True])
+def test_measurements_delivered_again_after_newer_ones_tell_nothing(late: bool) -> None:
+    """They were counted as others, and the body was taken to be known better than it was."""
+    scene, measured = Scene(), [Scene(3).measured()]
+    for step in range(1, 16):
+        scene.step = 10 * step
+        measured.append(scene.measured())
+    if late:
+        measured[7], measured[8] = measured[8], measured[7]
+    once = again = BodyTrack.at_rest(measured[0])
+    for before, new in itertools.pairwise(measured):
+        once = once.after(new, NOISE)
+        again = again.after(new, NOISE).after(before, NOISE)
+    assert once.accepted == again.accepted == 16
+    np.testing.assert_array_equal(again.covariance, once.covariance)
+    np.testing.assert_array_equal(again.state, once.state)
+
+
+def test_measurements_that_claim_to_be_exact_are_of_one_place_or_of_two() -> None:
+    exact = [seen(k, SE2(0.1 * (k == 2), 0.0, 0.0), covariance=np.zeros((3, 3))) for k in range(3)]
+    assert exact[0].is_at_place_of(exact[1])
+    assert not exact[0].is_at_place_of(exact[2])
 
 
 def test_what_arrives_late_is_no_sign_of_motion_and_does_not_disturb_a_drive() -> None:

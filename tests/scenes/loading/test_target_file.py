@@ -39,9 +39,15 @@ def model(file: Path, data: object, calibration: CalibrationSpec | None = None) 
     return TargetModel.from_scene(scene, scene.docks[0])
 
 
-def write_map(file: Path) -> dict[int, SE3]:
-    """Write the map of :data:`TAGS` in the frame of tag 4, and return their poses in D."""
-    X_DT = {tag: optical_pose(SE3.from_xyz_rpy(*pose)) for tag, pose in TAGS.items()}
+def write_map(file: Path, turned: float = 0.0) -> dict[int, SE3]:
+    """Write the map of :data:`TAGS` in the frame of tag 4, and return their poses in D.
+
+    All tags but tag 4 are turned in their plane by so much more [rad].
+    """
+    poses = {
+        tag: (p, (roll + turned * (tag != 4), pitch, yaw)) for tag, (p, (roll, pitch, yaw)) in TAGS.items()
+    }
+    X_DT = {tag: optical_pose(SE3.from_xyz_rpy(*pose)) for tag, pose in poses.items()}
     tags = {}
     for tag, X in X_DT.items():
         X_MT = X_DT[4].inverse() @ X
@@ -76,6 +82,17 @@ def test_mapped_tags_are_where_the_map_and_the_place_of_the_port_put_them(tmp_pa
     assert [edge.tag_id for edge in own.edges] == [12, 30]  # the outermost: left, right
     some = {"map": "map.yaml", "dock": dock, "tags": [30]}
     assert model(tmp_path / "wall.yaml", {"marker": some, "camera": CAMERA}).tags == (30,)
+
+
+@pytest.mark.parametrize("quarters", [1, 2, 3])
+def test_tags_glued_on_their_side_have_the_same_outermost_edges(quarters: int, tmp_path: Path) -> None:
+    """The line of sight went from the middle of one such tag to that of the other."""
+    edges = []
+    for turned in (0.0, 0.5 * math.pi * quarters):
+        write_map(tmp_path / "map.yaml", turned)
+        own = model(tmp_path / "wall.yaml", {"marker": {"map": "map.yaml"}, "camera": CAMERA})
+        edges.append(own.edge_points_D)
+    np.testing.assert_allclose(edges[1], edges[0], atol=2e-3)  # tags that lean stand a little elsewhere
 
 
 def test_a_fixture_is_no_unit_of_a_scene(tmp_path: Path) -> None:
