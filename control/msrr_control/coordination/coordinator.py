@@ -34,6 +34,9 @@ from msrr_scenes.messages.coordination import (
     UnitState,
 )
 
+#: A unit that catches up with the desired point of its path drives no faster than so many times its pace.
+_CATCHES_UP = 2.0
+
 
 class Coordinator:
     """A state machine: reports and estimates in, authorities out; the same inputs give the same outputs."""
@@ -45,7 +48,10 @@ class Coordinator:
             SceneError: The shape cannot be built, or the plan contradicts itself.
         """
         self._setup, self._patience = setup, Patience()
-        self._units = {name: UnitRecord(name, retreat_m=setup.retreat_m) for name in units}
+        fastest_mps = _CATCHES_UP * setup.travel.cruise_mps
+        self._units = {
+            name: UnitRecord(name, retreat_m=setup.retreat_m, fastest_mps=fastest_mps) for name in units
+        }
         self._interlock = Interlock(self._units, setup.lanes.body)
         self._dispatcher = Dispatcher(setup, self._units, self._interlock, mission.one_by_one)
         check_shapes(mission, setup.lanes)
@@ -254,6 +260,9 @@ class Coordinator:
             if self._failed and self._hop_otherwise(now_ns):
                 return
             failed = self._failed
+            if not failed and self._dispatcher.sends_back(self._tasks):
+                self._changed = True
+                return
             if not failed and self._mission.then is not None:
                 self._past.finish(self._tasks)
                 docks = {unit.name: ".".join(unit.holder) for unit in self._units.values() if unit.holder}

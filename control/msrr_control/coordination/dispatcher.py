@@ -48,6 +48,10 @@ class Dispatcher:
         evading = any(unit.under_way and unit.task is None for unit in self._units.values())
         return not evading and self._way_maker.make_way(tasks, now_ns)
 
+    def sends_back(self, tasks: TaskList) -> bool:
+        """Open the last moves again of units that made way for others since; return whether there are any."""
+        return self._way_maker.sends_back(tasks)
+
     @property
     def waits_for_tracks(self) -> bool:
         """Whether somebody got no route because another one passes by where it stands."""

@@ -9,11 +9,14 @@ from dataclasses import dataclass, field
 from msrr_control.shapes.bodies import ACTIVE_PORT
 from msrr_control.tracks.track import Track, standing
 from msrr_scenes.geometry.se2 import SE2
-from msrr_scenes.messages import GlobalPose
+from msrr_scenes.messages import GlobalPose, seconds
 from msrr_scenes.messages.coordination import Authority, Intent, UnitMode, UnitReport, UnitState, UnitStatus
 
 #: Distance that a seen pose is set back along a track before it frees ground [m], and from the track [m].
 _SEEN_BACK_M, _SEEN_OFF_M = 0.06, 0.06
+
+#: Distance by which a unit may be seen farther along its track than it can have driven [m].
+_SEEN_AHEAD_M = 0.1
 
 #: Distance within which units are told the intents of others [m].
 _NEAR_M = 1.0
@@ -54,6 +57,7 @@ class UnitRecord:
         expiries: Time at which each authority ends that the unit may have as its newest, by number.
         expired: Whether the newest authority that the unit had got had ended when it sent its report.
         retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
+        fastest_mps: Speed that it does not exceed [m/s].
         held: Whether its collision monitor has held it where it stands.
         evasions: How often it was sent out of the way.
         reason: Why it is in that state, in words.
@@ -85,6 +89,7 @@ class UnitRecord:
     expiries: dict[int, int] = field(default_factory=dict)
     expired: bool = False
     retreat_m: float = 0.5
+    fastest_mps: float = math.inf
     held: bool = False
     evasions: int = 0
     reason: str = ""
@@ -125,6 +130,17 @@ class UnitRecord:
         if track is None or self.enters is None:
             return self.progress
         return min(self.progress, max(track.length - self.retreat_m, track.dock_start))
+
+    @property
+    def has_not_set_out(self) -> bool:
+        """Whether the unit reports that it stands, or is docked, after a route before its own.
+
+        It has not heard of its own yet, or what it heard had expired.
+        """
+        report = self.report
+        if report is None or report.route >= self.route:
+            return False
+        return report.mode in (UnitMode.STANDING, UnitMode.DOCKED)
 
     @property
     def stands(self) -> bool:
@@ -171,10 +187,15 @@ class UnitRecord:
         self.X_WU, self.sight, self.seen_ns = body.X_WB, body, body.stamp_ns
         if self.track is None or not self.under_way:
             return
-        report = self.report
-        if report is not None and report.route == self.route and body.stamp_ns < report.stamp_ns:
-            return  # a look from before a report may show the unit short of the progress that it told of
-        seen = self.track.seen_progress(body.X_WB, self.progress, self.limit + SAME_M, _SEEN_OFF_M)
+        from_m, since_ns = 0.0, self.granted_ns
+        if self.report is not None and self.report.route == self.route:
+            from_m, since_ns = self.report.progress, self.report.stamp_ns
+            if body.stamp_ns < since_ns:
+                return  # a look from before a report may show the unit short of the progress that it told of
+        # The end of a route may be where it begins; one that is pushed aside as it sets off is seen there.
+        driven = from_m + self.fastest_mps * seconds(max(body.stamp_ns - since_ns, 0)) + _SEEN_AHEAD_M
+        high = min(self.limit + SAME_M, driven)
+        seen = self.track.seen_progress(body.X_WB, self.progress, high, _SEEN_OFF_M)
         if seen is not None:
             self._advance(seen - _SEEN_BACK_M, now_ns)
 

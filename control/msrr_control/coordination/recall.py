@@ -49,7 +49,9 @@ class Recall:
             del self._since_ns[key]
             return False
         expired_ns = since_ns + round(self._patience.expires_s * NS_PER_S)
-        if unit.report is None or unit.report.stamp_ns <= expired_ns or not unit.stands:
+        if unit.report is None or unit.report.stamp_ns <= expired_ns:
+            return False
+        if not unit.stands and not unit.has_not_set_out:
             return False
         del self._since_ns[key]
         if not in_vain:  # whatever holds units would hold them on each further route as well

@@ -77,14 +77,19 @@ def _keep_out(
 
 
 def _tree(root: str, tasks: Sequence[Task]) -> Shape:
-    """Return the shape of all that is to dock to a unit, and to those that dock there and do nothing else."""
-    places = [Place(root)]
+    """Return the shape of all that is to dock to a unit, and to those that dock there until they leave.
+
+    The tasks are in an order in which they can be granted.
+    """
+    places, docked_by = [Place(root)], {root: -1}  # by which of the tasks each unit comes to its place
     for place in places:  # the list grows while it is walked
-        if place.parent is not None and sum(task.unit == place.name for task in tasks) > 1:
-            continue
-        for task in tasks:
-            taken = {p.name for p in places}
+        until = len(tasks)
+        if place.parent is not None:
+            own = (k for k, task in enumerate(tasks) if task.unit == place.name)
+            until = next((k for k in own if k > docked_by[place.name]), until)
+        for k, task in enumerate(tasks[:until]):
             docks = task.kind is TaskKind.DOCK and task.parent_unit == place.name
-            if docks and task.unit is not None and task.unit not in taken:
+            if docks and task.unit is not None and task.unit not in docked_by:
+                docked_by[task.unit] = k
                 places.append(Place(task.unit, place.name, task.port))
     return Shape(tuple(places))

@@ -61,6 +61,11 @@ class TaskList:
         if self._states[name] is TaskState.GRANTED:
             self._states[name] = TaskState.OPEN
 
+    def undo(self, name: str) -> None:
+        """Note that the unit of a task that was done is not where it led any more; it is open again."""
+        if self._states[name] is TaskState.DONE:
+            self._states[name] = TaskState.OPEN
+
     def fail(self, name: str, reason: str) -> None:
         """Note that the unit failed; the task is open for another one, unless too many failed or none may."""
         if self._states[name] is not TaskState.GRANTED:

@@ -107,6 +107,21 @@ class WayMaker:
         target.reason = "goes where its ports can be reached"
         return True
 
+    def sends_back(self, tasks: TaskList) -> bool:
+        """Open the last moves again of units that made way for others since; return whether there are any.
+
+        One that carries others stays: it was sent to where its ports can be reached.
+        """
+        last = {task.unit: task for task in tasks.by_name.values() if task.unit is not None}
+        for name, task in last.items():
+            unit = self._units[str(name)]
+            went_off = unit.state is UnitState.IDLE and unit.task is None and not self._ends.carried_by(unit)
+            if task.kind is not TaskKind.MOVE or task.pose is None or not went_off:
+                continue
+            if not self._setup.tolerance.doubled().holds(task.pose.inverse() @ unit.pose):
+                tasks.undo(task.name)
+        return bool(tasks.open)
+
     def keeps_target(self, target: UnitRecord, tasks: TaskList) -> bool:
         """Return whether a unit has to go elsewhere before others dock to it, and carries some until then."""
         return bool(self._ends.carried_by(target)) and self._place_elsewhere(target, tasks) is not None

@@ -17,7 +17,7 @@ _TURN = 2.0 * math.pi
 _LONGEST_ARC = 1.5 * math.pi
 
 
-#: Distance between the points by which an arc is checked for being free [m].
+#: Largest distance between the points by which an arc is checked for being free [m].
 _SPACING_M = 0.03
 
 
@@ -55,6 +55,29 @@ class _Line(NamedTuple):
     b: tuple[float, float]
     heading: float
     length: float
+
+
+class _Ring:
+    """The points of a circle that are free: each is checked once, however many arcs are asked for."""
+
+    def __init__(self, space: FreeSpace, circle: _Circle) -> None:
+        count = 8 + int(_TURN * circle.radius / _SPACING_M)
+        self._step, self._turn = _TURN / count, circle.turn
+        headings = circle.turn * self._step * np.arange(count)
+        reach = circle.turn * circle.radius
+        points = np.stack([circle.x + reach * np.sin(headings), circle.y - reach * np.cos(headings)], axis=-1)
+        free = space.free_points(points).tolist()
+        # Of each point, how many from it on are free, in the sense of the turn; all of a circle is enough.
+        self._free, run = [0] * count, count if all(free) else 0
+        for k in range(2 * count - 1, -1, -1):
+            run = min(run + 1, count) if free[k % count] else 0
+            self._free[k % count] = run
+
+    def allows(self, arrive: float, angle: float) -> bool:
+        """Return whether an arc of that angle, entered with heading ``arrive``, is free [rad]."""
+        at = (self._turn * arrive) % _TURN
+        first = math.ceil(at / self._step)
+        return self._free[first % len(self._free)] > math.floor((at + angle) / self._step) - first
 
 
 def shortest_path(space: FreeSpace, start: tuple[float, float], goal: Goal) -> Path | None:
@@ -110,8 +133,16 @@ def _search(
     leaving: dict[int, list[int]] = {}
     for k, line in enumerate(lines):
         leaving.setdefault(line.start, []).append(k)
-    # To the arcs of a circle only the discs matter that it may enter; most circles enter none.
-    near = [space.near_circle(circle.x, circle.y, circle.radius) for circle in circles]
+    rings: dict[int, _Ring | None] = {}  # None where all of a circle is free, as most are
+
+    def arc_is_free(line: _Line, angle: float) -> bool:
+        if line.end not in rings:
+            circle = circles[line.end]
+            near = space.near_circle(circle.x, circle.y, circle.radius)
+            rings[line.end] = None if near is None else _Ring(near, circle)
+        ring = rings[line.end]
+        return ring is None or ring.allows(line.heading, angle)
+
     previous: dict[int, int] = {}
     queue: list[tuple[float, int, int]] = [(lines[k].length, k, -1) for k in leaving.get(0, [])]
     heapq.heapify(queue)
@@ -129,7 +160,7 @@ def _search(
             last_arc = 0.0
             if goal.heading is not None:
                 angle = _arc(circle, line.heading, goal.heading)
-                if angle > _LONGEST_ARC or not _arc_is_free(near[line.end], circle, line, angle):
+                if angle > _LONGEST_ARC or not arc_is_free(line, angle):
                     continue
                 last_arc = circle.radius * angle
             if shortest is None or cost + last_arc < shortest[0]:
@@ -139,7 +170,7 @@ def _search(
             angle = _arc(circle, line.heading, lines[following].heading)
             if following in previous or angle > _LONGEST_ARC:
                 continue
-            if _arc_is_free(near[line.end], circle, line, angle):
+            if arc_is_free(line, angle):
                 total = cost + circle.radius * angle + lines[following].length
                 heapq.heappush(queue, (total, following, k))
     if shortest is None:
@@ -155,17 +186,6 @@ def _arc(circle: _Circle, arrive: float, leave: float) -> float:
     """Return the angle [rad] >= 0 driven along a circle from heading ``arrive`` to heading ``leave``."""
     angle = (circle.turn * (leave - arrive)) % _TURN
     return 0.0 if angle > _TURN - 1e-9 else angle
-
-
-def _arc_is_free(space: FreeSpace | None, circle: _Circle, line: _Line, angle: float) -> bool:
-    """Return whether an arc of that angle, entered from ``line``, is free in the space near its circle."""
-    if space is None:
-        return True
-    count = 2 + int(circle.radius * angle / _SPACING_M)
-    headings = line.heading + circle.turn * np.linspace(0.0, angle, count)
-    reach = circle.turn * circle.radius
-    points = np.stack([circle.x + reach * np.sin(headings), circle.y - reach * np.cos(headings)], axis=-1)
-    return space.allows(points)
 
 
 def _as_path(start: tuple[float, float], circles: list[_Circle], chain: list[_Line], goal: Goal) -> Path:

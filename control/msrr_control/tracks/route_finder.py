@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product, takewhile
@@ -20,7 +19,7 @@ from msrr_control.shapes.hop_rules import LEAST_WAY_OUT_M
 from msrr_control.shapes.precedence import Lanes, compose
 from msrr_control.tracks.gaps import contact_on_the_way, first_contact, is_beside
 from msrr_control.tracks.route_params import RouteParams
-from msrr_control.tracks.route_request import RouteRequest, Standing
+from msrr_control.tracks.route_request import RouteRequest
 from msrr_control.tracks.track import SPACING_M, Track, TrackBuilder
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import ObstacleEstimate
@@ -28,6 +27,9 @@ from msrr_scenes.messages.coordination import LegKind
 
 #: Distance of the axle from its goal up to which a unit that stands there only turns [m].
 STANDS_THERE_M = 0.02
+
+#: Distance of the axle from its goal up to which a straight way there is tried before a route is planned [m].
+_SHORT_M = 0.3
 
 #: Ways out of a port that are tried before a route is planned from there [m].
 BACK_OUT_M = (LEAST_WAY_OUT_M, 0.45, 0.60)
@@ -82,9 +84,9 @@ class RouteFinder:
     def _find(self, request: RouteRequest) -> Track | None:
         X_WU, X_WE, obstacles, leaves = request.X_WU, request.X_WE, request.obstacles, request.leaves
         if X_WE is not None and not request.dock and leaves is None:
-            turned = self._turn_in_place(X_WU, X_WE, request.standing)
-            if turned is not None and self._begins_freely(turned, request):
-                return turned
+            short = self._short_way(X_WE, request)
+            if short is not None and self._begins_freely(short, request):
+                return short
         tight: Track | None = None  # the collision monitor holds a unit that turns beside an obstacle
         meets = False  # whether a route that the planner found comes too near to a unit
         ways = BACK_OUT_M if leaves is not None else self._straight_first(request)
@@ -204,14 +206,40 @@ class RouteFinder:
         left = track.length - max(progress, track.dock_start)
         return in_lane(X_WD, left, self.body.half_width, obstacles, _CLOSED_GAP_M)
 
-    def _turn_in_place(self, X_WU: SE2, X_WE: SE2, standing: Sequence[Standing]) -> Track | None:
-        """Return a turn on the spot where that is all that is needed and there is room."""
-        if math.hypot(X_WE.x - X_WU.x, X_WE.y - X_WU.y) > STANDS_THERE_M:
+    def _short_way(self, X_WE: SE2, request: RouteRequest) -> Track | None:
+        """Return a way straight ahead or back between two turns on the spot, to an end that is near.
+
+        To such an end the planner, which leads the controlled point ahead of the axle, finds loops of metres.
+        Where the unit stands there already, it only turns. None if the end is farther, or there is no room.
+        """
+        X_WU = request.X_WU
+        dx, dy = X_WE.x - X_WU.x, X_WE.y - X_WU.y
+        distance = math.hypot(dx, dy)
+        if distance > _SHORT_M:
             return None
-        builder = TrackBuilder(X_WU, self.body.offset)
+        if distance <= STANDS_THERE_M:
+            builder = TrackBuilder(X_WU, self.body.offset)
+            builder.turn_to(X_WE.yaw)
+            track = builder.track()
+            return track if first_contact(track, request.standing, self.body) is None else None
+        tracks = [self._straight(yaw, distance, X_WE, request) for yaw in (0.0, math.pi)]
+        found = [track for track in tracks if track is not None]
+        return min(found, key=lambda track: track.length, default=None)
+
+    def _straight(self, turned: float, distance: float, X_WE: SE2, request: RouteRequest) -> Track | None:
+        """Return a straight way to an end nearby, back where the unit is ``turned`` by half a turn [rad]."""
+        X_WU, builder = request.X_WU, TrackBuilder(request.X_WU, self.body.offset)
+        builder.turn_to(math.atan2(X_WE.y - X_WU.y, X_WE.x - X_WU.x) + turned)
+        if turned:
+            free = self.behind(builder.pose, distance, request.obstacles) is None
+            builder.reverse(distance)
+        else:
+            free = self._planner.margins.may_drive_ahead(builder.pose, request.obstacles, distance)
+            builder.ahead(distance)
         builder.turn_to(X_WE.yaw)
         track = builder.track()
-        return track if first_contact(track, standing, self.body) is None else None
+        meets = any(self.body.comes_near(track.poses, obstacle) for obstacle in request.obstacles)
+        return track if free and not meets and contact_on_the_way(track, request, self.body) is None else None
 
     def _plan(self, builder: TrackBuilder, X_WE: SE2, request: RouteRequest) -> bool:
         """Append the route from where the builder stands; return whether there is one."""

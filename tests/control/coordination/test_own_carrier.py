@@ -10,7 +10,9 @@ import pytest
 
 from msrr_control.coordination.mission import Mission
 from msrr_control.coordination.setup import CoordinationSetup
+from msrr_control.tracks.route_params import RouteParams
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import find_urdf, read_unit
 from msrr_scenes.messages.coordination import MissionState
 from msrr_scenes.specs.plan import DockStep, MoveStep
 from msrr_scenes.specs.spec import PoseSpec
@@ -63,3 +65,25 @@ def test_nobody_leaves_its_port_for_a_place_that_stays_taken(
     assert run.run().state is MissionState.INCOMPLETE
     assert run.joints == {"b": "a.rear", "c": "a.left"}
     assert run.status.reason == "there: b finds no route: a stands on the end of its way"
+
+
+@pytest.mark.parametrize("half_width", [0.35, 0.4])
+def test_one_that_made_way_after_its_last_move_goes_back(half_width: float, rig: type[Rig]) -> None:
+    """The mission was complete with the unit half a metre beside the end of its move."""
+    lane = CoordinationSetup.of(
+        read_unit(find_urdf("unit.urdf")), RouteParams(), (-2.0, 2.0, -half_width, half_width)
+    )
+    steps = [_move("a", SE2(), "first"), _move("b", SE2(1.4, 0.0, 0.0), "past")]
+    run = rig(Mission(steps=steps), {"a": SE2(-0.8, 0.0, 0.0), "b": SE2(-1.6, 0.0, 0.0)}, setup=lane)
+    assert run.run().state is MissionState.COMPLETE, run.status.reason
+    assert run.units["a"].route == 3  # there, out of the way, and back
+    for unit, X_WE in (("a", SE2()), ("b", SE2(1.4, 0.0, 0.0))):
+        assert lane.tolerance.holds(X_WE.inverse() @ run.units[unit].X_WU), unit
+
+
+def test_one_that_cannot_go_back_leaves_the_mission_incomplete(rig: type[Rig]) -> None:
+    """Both ends of two moves cannot be had, for each is where the other one needs room."""
+    steps = [_move("a", SE2(0.5, 0.0, 0.0), "first"), _move("b", SE2(0.78, 0.0, 0.0), "beside")]
+    run = rig(Mission(steps=steps), {"a": SE2(-1.0, -0.5, 0.0), "b": SE2(-1.0, 0.5, 0.0)})
+    assert run.run().state is MissionState.INCOMPLETE
+    assert "finds no route: a stands in every way" in run.status.reason

@@ -143,3 +143,17 @@ def test_one_that_was_never_heard_has_not_stopped() -> None:
     assert recall.is_recalled(unit)
     assert not _stops(recall, unit, 2.0 + PATIENCE.expires_s, lane_closed=True)
     assert recall.is_recalled(unit)
+
+
+@pytest.mark.parametrize("mode", [UnitMode.STANDING, UnitMode.DOCKED, UnitMode.DRIVING])
+def test_one_that_has_not_heard_of_its_route_has_stopped_where_the_one_before_ended(mode: UnitMode) -> None:
+    """It was never sent an authority again, and failed for making no progress once it could be heard."""
+    unit, recall = _held(1.0), Recall(PATIENCE)
+    unit.route = 2
+    assert not _stops(recall, unit, 1.0, lane_closed=True)
+    for now_s, stopped in (
+        (PATIENCE.expires_s, False),
+        (1.1 + PATIENCE.expires_s, mode is not UnitMode.DRIVING),
+    ):
+        unit.report = UnitReport("a", round(now_s * S), 1, 1, 0.0, mode, None)
+        assert _stops(recall, unit, now_s + 0.1, lane_closed=True) is stopped

@@ -10,7 +10,7 @@ import pytest
 
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
-from msrr_control.coordination.target_place import place_of_target
+from msrr_control.coordination.target_place import later_ones_fit, place_of_target
 from msrr_control.shapes.tasks import Task, TaskKind
 from msrr_control.tracks.track import standing
 from msrr_scenes.geometry.se2 import SE2
@@ -103,3 +103,17 @@ def test_only_dockings_of_units_that_are_named_and_seen_count(setup: Coordinatio
     assert place_of_target(units["b"], ring, units, setup, ()) is not None
     units["a"].X_WU = None
     assert place_of_target(units["b"], ring[:1], units, setup, ()) is None
+
+
+def test_those_who_dock_and_leave_at_the_end_are_places_until_then(setup: CoordinationSetup) -> None:
+    """The plan that builds a chain and takes it apart left its target where the chain had no room."""
+    units = _units(a=A, b=SE2(-0.55, -1.1, -1.12), c=C)
+    chain = [_dock("a", "b", "left"), _dock("c", "a", "left")]
+    leave = [Task(f"{unit} leaves", TaskKind.UNDOCK, unit) for unit in ("c", "a")]
+    place = place_of_target(units["b"], chain, units, setup, ())
+    assert place is not None
+    assert place_of_target(units["b"], chain + leave, units, setup, ()) == place
+    assert not later_ones_fit(units["b"], chain + leave, units, setup, ())
+    # A unit that docks where another one has been, and after it has left, has no place in the chain.
+    gone = [chain[0], leave[1], chain[1]]
+    assert later_ones_fit(units["b"], gone, units, setup, ())

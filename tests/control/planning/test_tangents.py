@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from msrr_control.planning.free_space import Disc, FreeSpace
-from msrr_control.planning.tangents import Goal, shortest_path
+from msrr_control.planning.tangents import Goal, _Circle, _Ring, shortest_path
 from msrr_scenes.geometry.se2 import wrap_angle
 from tests.conftest import not_none
 
@@ -85,3 +85,36 @@ def test_in_the_open_the_last_arc_turns_to_the_side_that_makes_the_path_shorter(
         path = not_none(shortest_path(space, (0.0, 0.0), Goal(x, y, heading, radius)))
         assert float(path.length) == pytest.approx(min(lengths))
     assert both > 30
+
+
+def test_arcs_are_free_where_all_of_their_points_are() -> None:
+    """As closely as points 3 cm apart tell: between two of them a circle enters a disc by 3 mm at most."""
+    rng, told = np.random.default_rng(6), {True: 0, False: 0}
+    for _ in range(60):
+        discs = tuple(
+            Disc(f"d{k}", *rng.uniform(-0.6, 0.6, 2).tolist(), float(rng.uniform(0.05, 0.3)))
+            for k in range(3)
+        )
+        circle = _Circle(
+            *rng.uniform(-0.3, 0.3, 2).tolist(), float(rng.uniform(0.1, 0.5)), rng.choice([-1.0, 1.0])
+        )
+        space = FreeSpace((-0.7, 0.7, -0.7, 0.7), discs)
+        ring = _Ring(space, circle)
+        for arrive, angle in rng.uniform([-7.0, 0.0], [7.0, 4.7], (20, 2)).tolist():
+            headings = arrive + circle.turn * np.linspace(0.0, angle, 400)
+            reach = circle.turn * circle.radius
+            points = np.column_stack(
+                [circle.x + reach * np.sin(headings), circle.y - reach * np.cos(headings)]
+            )
+            free = ring.allows(arrive, angle)
+            told[free] += 1
+            if not free:
+                assert not space.free_points(points).all()
+            else:  # the arc may end in a disc, where no line begins
+                ends = np.minimum(np.arange(400), np.arange(400)[::-1]) * circle.radius * angle / 399 < 0.03
+                smaller = FreeSpace(space.box, tuple(d._replace(radius=d.radius - 0.003) for d in discs))
+                x, y = points[~ends].T
+                inside = (np.abs(x) < 0.703) & (np.abs(y) < 0.703)
+                assert inside.all()
+                assert smaller.free_points(points[~ends]).all()
+    assert min(told.values()) > 200

@@ -193,6 +193,36 @@ def test_a_unit_that_stands_where_it_is_to_be_only_turns(setup: CoordinationSetu
     assert docks.legs[-1].kind is LegKind.DOCK
 
 
+def test_to_an_end_nearby_a_unit_turns_drives_straight_and_turns(setup: CoordinationSetup) -> None:
+    """It drove a loop of two metres to an end three centimetres ahead."""
+    finder, rng, reversed_ways = setup.finder, np.random.default_rng(4), 0
+    for _ in range(100):
+        start = SE2(*rng.uniform([-1.0, -0.5, -math.pi], [1.0, 0.5, math.pi]).tolist())
+        way, aside, yaw = rng.uniform([0.021, -math.pi, -math.pi], [0.29, math.pi, math.pi]).tolist()
+        goal = start @ SE2(way * math.cos(aside), way * math.sin(aside), yaw)
+        track = finder.find(RouteRequest(start, goal))
+        assert track is not None
+        assert sum(leg.kind in (LegKind.PATH, LegKind.REVERSE) for leg in track.legs) == 1
+        assert track.length < way + 1.5 * math.pi * setup.lanes.body.offset + 1e-9
+        assert math.hypot(track.end.x - goal.x, track.end.y - goal.y) < 1e-6
+        assert abs(wrap_angle(track.end.yaw - goal.yaw)) < 1e-2
+        reversed_ways += any(leg.kind is LegKind.REVERSE for leg in track.legs)
+    assert 20 < reversed_ways < 80
+
+
+@pytest.mark.parametrize("ahead", [1.0, -1.0])
+def test_to_an_end_nearby_no_straight_way_leads_into_a_body(ahead: float, setup: CoordinationSetup) -> None:
+    goal = SE2(0.25 * ahead, 0.0, 0.0)
+    other = Standing("other", SE2(goal.x + 0.2 * ahead, 0.0, 0.0), False)
+    post = ObstacleEstimate("post", 0, SE2(goal.x + 0.17 * ahead, 0.0, 0.0), np.zeros((3, 3)), 0.05)
+    free = setup.finder.find(RouteRequest(SE2(), goal))
+    assert free is not None
+    assert len(free.legs) == 1
+    for request in (RouteRequest(SE2(), goal, [other]), RouteRequest(SE2(), goal, obstacles=(post,))):
+        track = setup.finder.find(request)
+        assert track is None or len(track.legs) > 1
+
+
 def test_beside_the_border_a_unit_turns_where_it_is_to_stand(setup: CoordinationSetup) -> None:
     """There is no room for a lead-in on the heading of the end, and in the open none is needed."""
     finder, rng = setup.finder, np.random.default_rng(0)

@@ -189,6 +189,27 @@ def test_a_unit_that_comes_by_again_is_not_held_for_further_than_it_is(track: Tr
         known = max(known, seen - 0.06)
 
 
+def test_a_unit_that_is_pushed_as_it_sets_off_has_not_come_to_the_end_of_its_route() -> None:
+    """Where a route leads back to its beginning, that sight freed all ground which it had still to drive."""
+    X_WU = SE2(0.683, 0.776, 1.5708)
+    builder = TrackBuilder(X_WU, OFFSET)
+    for turn, way in ((0.0, 0.5), (-math.pi, 1.0), (-math.pi, 0.55)):
+        if turn:
+            builder.turn_by(turn)
+        builder.follow(Path(builder.pose.as_array(), np.zeros(1), np.array([way])))
+    track = builder.track()
+    known = []
+    for fastest_mps in (math.inf, 0.44):
+        unit = UnitRecord("a", state=UnitState.UNDER_WAY, route=1, track=track, limit=track.length)
+        unit.progress, unit.fastest_mps = 0.004, fastest_mps
+        for k in range(30):
+            aside = track.at(0.004) @ SE2(-0.045, 0.002 * k - 0.03, 0.0)
+            unit.observe(GlobalPose("a", 100_000_000, aside, 1e-6 * np.eye(3)), 150_000_000)
+        known.append(unit.progress)
+    assert known[0] > 1.0, "the track does not lead past where it begins"
+    assert known[1] < 0.1
+
+
 def test_a_look_from_before_a_report_tells_nothing_of_progress() -> None:
     """It shows the unit where it was, and the track may pass there again."""
     track = _out_and_back()
