@@ -218,9 +218,12 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
             options: With ``{"out": folder}`` the trial is written into a run folder.
 
         Raises:
-            ValueError: There is no such option, or the seed is out of range.
+            TypeError: The option ``out`` is no path.
+            ValueError: There is no such option, it is empty, or the seed is out of range.
             MsrrError: The trial cannot be run, or the agent had nothing to do in 20 trials in a row.
         """
+        if not isinstance(options, Mapping | None):
+            raise ValueError(f"options are a dictionary; found {options!r:.60}")
         known = dict(options or {})
         out = known.pop("out", None)
         if known:
@@ -266,8 +269,11 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
         """
         if not self._episode:
             raise gymnasium.error.ResetNeeded("no trial is under way; call reset() first")
-        command = np.asarray(action, dtype=float)
-        if command.shape != (2,) or not np.isfinite(command).all():
+        try:
+            command = np.asarray(action)
+        except (TypeError, ValueError):  # rows of different lengths, or what is no array at all
+            command = np.array(None)
+        if command.shape != (2,) or command.dtype.kind not in "fiu" or not np.isfinite(command).all():
             raise ValueError(f"an action is two finite numbers, v [m/s] and w [rad/s]; found {action!r}")
         turn = self._episode.go_on(Twist(float(command[0]), float(command[1])))
         info: dict[str, Any] = {"progress": self._episode.progress}

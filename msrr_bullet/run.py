@@ -19,6 +19,7 @@ from msrr_bullet.run_folder import (
     RunFolderError,
     check_folder,
     delete_run,
+    folder_of,
     locked,
     make_folder,
 )
@@ -78,14 +79,14 @@ def run_trial(
     Raises:
         MsrrError: :func:`~msrr_bullet.trial.check.check_trial` refuses the scene, or the folder cannot be
             written, holds a file of such a name that belongs to no run, or is that of a run under way.
-        TypeError: The seed is no whole number, or the scene is none.
-        ValueError: The seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, or ``wall_limit_s`` is
-            no time that a clock can wait for.
+        TypeError: The seed is no whole number, the scene is none, or ``out`` is no path.
+        ValueError: The seed is negative or above :data:`~msrr_bullet.seeds.MAX_SEED`, ``out`` is empty, or
+            ``wall_limit_s`` is no time that a clock can wait for.
         WallLimitError: The trial took longer than ``wall_limit_s``. The log ends there, and has no result.
     """
     seed = checked_seed(seed)  # before the trial, after which the result would refuse it
-    out = Path(out) if out is not None else None
     if out is not None:
+        out = folder_of(out)
         check_folder(out)
     with suppress(ProgramFailedError):  # the trial ends with that outcome
         check_trial(scene)

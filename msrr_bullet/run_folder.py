@@ -30,6 +30,20 @@ class RunFolderError(MsrrError):
     """A run folder cannot be written."""
 
 
+def folder_of(out: object) -> Path:
+    """Return the path of a run folder that a program names.
+
+    Raises:
+        TypeError: It is no path.
+        ValueError: It is empty, which would be the working folder.
+    """
+    if not isinstance(out, str | os.PathLike):
+        raise TypeError(f"out is the path of a run folder; found {out!r:.60}")
+    if not os.fspath(out):
+        raise ValueError("out is empty; name a run folder, or leave it out")
+    return Path(out)
+
+
 def check_folder(out: Path) -> None:
     """Refuse a folder in which a run would overwrite what no run wrote."""
     present = [name for name in RUN_FILES if os.path.lexists(out / name)]

@@ -89,7 +89,8 @@ class RecordingResult(BaseModel, frozen=True):
         duration_s: Time from the first to the last instant [s].
         frames: Number of frames.
         unusable: Number of those that could not be read.
-        cut_off: Whether the recording is damaged from some point on, and was read up to there.
+        cut_off: Whether it was not read to its end: it is damaged from some point on, or a class of the
+            user's own failed there.
         with_target: Number of frames in which tags of the target were found.
         used: Number of frames whose tags agreed with earlier ones and the wheels, or were the first.
         tags: Number of frames in which each tag was found, by id; others than the target's included.

@@ -83,8 +83,8 @@ def perceive(
         target: Target file.
         options: What else is to be said.
         out: Run folder for the log, the result, the page and the picture; None writes nothing.
-        report: Called with one message for every picture that cannot be used, and for a recording that is
-            damaged from some point on.
+        report: Called with one message for every picture that cannot be used, and where reading ends early,
+            as ``cut_off`` of the result tells.
         observer: Called with what is known at every instant.
 
     Raises:
@@ -219,7 +219,7 @@ def _run(
             tally.add(instant)
             if observer is not None:
                 observer(instant)
-    except RecordingError as error:  # what came before is worth having
+    except (RecordingError, ProgramFailedError) as error:  # what came before is worth having
         tally.cut_off = True
         complain(str(error))
     result = tally.result(

@@ -48,6 +48,8 @@ def open_trial(path: Path, topic: str | None, odometry: bool = True) -> Recordin
     exposures = _before_damage(log.messages(Exposure, "/camera/*"))
     cameras = {m.camera for _, m in exposures if m.camera != OVERHEAD}
     known = sorted(topics.exposure(camera) for camera in cameras)
+    if not known and not log.complete:
+        raise RecordingError(f"{log.path}: the log ends early, before the first frame of an onboard camera")
     if not known:
         raise RecordingError(
             f"{log.path}: no frames of an onboard camera; run a trial in which a unit uses its camera, with "

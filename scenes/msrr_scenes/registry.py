@@ -192,6 +192,10 @@ def build(key: str, choice: Choice, table: ExtensionPoint[T], *args: Any, **fixe
         raise failure(table.kind, choice.name, own, "__init__", error) from error
     if own is None:
         return built
+    lacking = [method for method in table.methods if not callable(getattr(built, method, None))]
+    if lacking:  # its __new__ returns something else
+        found = f"an object of type {type(built).__name__}, which has no method {', '.join(lacking)}"
+        raise SceneError(f"{key}: {what}: building it gave {found}")
     return cast(T, Guarded(table.kind, choice.name, built, {**table.methods, **table.optional}))
 
 

@@ -258,8 +258,13 @@ def test_what_cannot_be_done_is_refused(made: Callable[..., DockingEnv]) -> None
         env.reset(options={"folder": "runs"})
     with pytest.raises(ValueError, match="a seed is a number from 0"):
         env.reset(seed=-1)
+    for out, error in (("", ValueError), (5, TypeError)):
+        with pytest.raises(error, match=r"^out is "):
+            env.reset(options={"out": out})
+    with pytest.raises(ValueError, match="options are a dictionary; found 'runs'"):
+        env.reset(options="runs")
     env.reset(seed=0)
-    for action in ([0.1], [0.1, np.nan], [[0.1, 0.0]]):
+    for action in ([0.1], [0.1, np.nan], [[0.1, 0.0]], [0.1j, 0.0], "ahead", {"v": 1.0}):
         with pytest.raises(ValueError, match="an action is two finite numbers"):
             env.step(np.array(action))
 

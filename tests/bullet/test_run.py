@@ -46,6 +46,14 @@ def test_a_folder_may_be_a_text_and_a_seed_is_a_whole_number(shipped: Load, tmp_
     assert not seen, "a trial was run whose result could not be"
 
 
+@pytest.mark.parametrize(("out", "error"), [("", ValueError), (5, TypeError)])
+def test_a_folder_is_named(out: Any, error: type[Exception], shipped: Load) -> None:
+    """The empty one was the working folder, in which a run would have been deleted."""
+    with pytest.raises(error, match=r"^out is "):
+        run_trial(shipped("close_range", SHORT, blind=True), SEED, out=out)
+    assert not any(Path.cwd().glob("*.mcap"))
+
+
 def test_the_name_of_a_scene_is_none() -> None:
     """As from a notebook, where no type is checked."""
     name: Any = "close_range"

@@ -81,6 +81,18 @@ def test_only_a_class_with_the_methods_of_the_protocol_is_built(path: str, why: 
         build("toys.gadget", Choice(name=path, params={"args": ["false"]}), TABLE)
 
 
+class Other(Thing):
+    def __new__(cls, *args: object, **params: object) -> object:  # type: ignore[misc]  # a slip of its author
+        return None
+
+
+def test_a_class_whose_object_is_of_another_type_is_refused() -> None:
+    with pytest.raises(
+        SceneError, match="building it gave an object of type NoneType, which has no method li"
+    ):
+        build("toys.gadget", Choice(name=f"{__name__}:Other"), TABLE, 1)
+
+
 @pytest.mark.parametrize(
     ("text", "why"),
     [

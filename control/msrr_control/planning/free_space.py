@@ -83,8 +83,8 @@ class FreeSpace:
     def free_points(self, points: Array) -> NDArray[np.bool_]:
         """Return which of the points, shape (N, 2) [m], are free, shape (N,)."""
         dx, dy = points[:, :1] - self._centres[:, 0], points[:, 1:] - self._centres[:, 1]
-        outside: NDArray[np.bool_] = (np.sqrt(dx * dx + dy * dy) >= self._radii - _SLACK).all(axis=-1)
-        return outside & self._inside(points)
+        clear = np.sqrt(dx * dx + dy * dy) >= self._radii - _SLACK
+        return np.asarray(clear.all(axis=-1) & self._inside(points))
 
     def deepest_disc(self, points: Array) -> Disc | None:
         """Return the disc that the points, shape (N, 2) [m], enter deepest, None if they enter none."""

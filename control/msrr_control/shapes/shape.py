@@ -117,7 +117,13 @@ class Shape:
 
 
 def build_pattern(pattern: Pattern, count: int) -> Shape:
-    """Return a pattern of ``count`` units, with the places ``p0`` (the root), ``p1`` and so on."""
+    """Return a pattern of ``count`` units, with the places ``p0`` (the root), ``p1`` and so on.
+
+    Raises:
+        ValueError: There is no unit.
+    """
+    if count < 1:
+        raise ValueError(f"a pattern of {count} units; it has at least one, its root")
     joints: list[tuple[int, str]]
     match pattern:
         case "line":

@@ -20,6 +20,10 @@ from msrr_scenes.specs.vehicle import LimitsSpec
 _TRACK_M = 0.13
 
 
+#: Numbers of trials and control rates of a study [Hz].
+TRIALS, RATES_HZ = (1, 1_000_000), (1.0, 10_000.0)
+
+
 class Disturbance(Spec):
     """Errors of the measurements of a study.
 

@@ -12,8 +12,15 @@ from numpy.typing import NDArray
 from msrr_control.docking.law import DockingLaw, DockSetup, LawInputs, State
 from msrr_control.feedback.visibility_cone import edge_angles
 from msrr_control.kinematics.controlled_point import offset_point
-from msrr_control.studies.disturbance import Disturbance, DisturbedUnicycles, checked_commands
+from msrr_control.studies.disturbance import (
+    RATES_HZ,
+    TRIALS,
+    Disturbance,
+    DisturbedUnicycles,
+    checked_commands,
+)
 from msrr_scenes.arrays import Array, read_only
+from msrr_scenes.registry import require_in_range
 from msrr_scenes.specs.spec import Length, Spec, Spread
 
 #: Time before contact in which errors count as the final ones [s].
@@ -161,11 +168,14 @@ def run_docking_study(
         observer: Called with the state of the law at every step, for figures that only this law has.
 
     Raises:
+        ParameterError: There are no trials, or no time.
         ProgramFailedError: The law returned commands of another shape, or some that are not finite.
 
     Returns:
         The truth of the trials. The port is no obstacle: for its figures, a trial ends where the faces meet.
     """
+    require_in_range({"trials": TRIALS, "duration": (1e-3, 1e5)}, locals())
+    require_in_range({"rate_hz": RATES_HZ}, {"rate_hz": setup.rate_hz})
     dt = 1.0 / setup.rate_hz
     disturbance = disturbance if disturbance is not None else Disturbance()
     starting_poses = draw_starts(starts, trials, setup, rng)

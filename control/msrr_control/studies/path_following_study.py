@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator
 
 from msrr_control.kinematics.controlled_point import offset_point
 from msrr_control.path_following.law import PathFollowingLaw, State
@@ -14,12 +16,27 @@ from msrr_control.path_following.obstacle_forces import Obstacles
 from msrr_control.path_following.path import PaceSpec, Path
 from msrr_control.path_following.walls import WallSpec, find_encounter, side_wall
 from msrr_control.studies import metrics
-from msrr_control.studies.disturbance import Disturbance, DisturbedUnicycles, checked_commands
+from msrr_control.studies.disturbance import (
+    RATES_HZ,
+    TRIALS,
+    Disturbance,
+    DisturbedUnicycles,
+    checked_commands,
+)
 from msrr_scenes.arrays import Array, read_only
-from msrr_scenes.specs.spec import Distance, Length, NonNegative, Spec, Turn
+from msrr_scenes.registry import require_in_range
+from msrr_scenes.specs.spec import Distance, Length, NonNegative, Positive, Spec, Turn
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-Span = tuple[NonNegative, NonNegative]
+
+def _ascends(span: tuple[float, float]) -> tuple[float, float]:
+    if span[0] > span[1]:
+        raise ValueError(f"{span[0]:g} comes before {span[1]:g}; name the lower end of the range first")
+    return span
+
+
+Span = Annotated[tuple[NonNegative, NonNegative], AfterValidator(_ascends)]
+PositiveSpan = Annotated[tuple[Positive, Positive], AfterValidator(_ascends)]
 
 #: Half the length and the width of the unit's body, a square about the axle [m].
 HALF_BODY_M = 0.10
@@ -40,7 +57,7 @@ class PathFollowingStartSet(Spec):
         before_end_m: Smallest distance along the path from the obstacle to the end of the arc.
     """
 
-    radius_m: Span = (1.0, 1.4)
+    radius_m: PositiveSpan = (1.0, 1.4)
     sweep_deg: Span = (100.0, 140.0)
     lead_in_m: Length = 0.3
     error_m: Distance = 0.02
@@ -142,8 +159,10 @@ def run_path_following_study(
         observer: Called with the state of the law at every step.
 
     Raises:
+        ParameterError: There are no trials, or no rate.
         ProgramFailedError: The law returned commands of another shape, or some that are not finite.
     """
+    require_in_range({"trials": TRIALS, "rate_hz": RATES_HZ}, locals())
     starts = starts if starts is not None else PathFollowingStartSet()
     disturbance = disturbance if disturbance is not None else Disturbance()
     walls = walls if walls is not None else WallSpec()

@@ -80,7 +80,8 @@ def _pose(result: object) -> PoseEstimate | None:
     except ValueError:  # rows of different lengths
         wrong(result.covariance, "a covariance of numbers of shape (3, 3)")
     if covariance.shape != (3, 3) or covariance.dtype.kind not in "fiu":
-        raise ValueError(f"a covariance of shape {covariance.shape}; expected numbers of shape (3, 3)")
+        found = f"shape {covariance.shape} and type {covariance.dtype}"
+        raise ValueError(f"a covariance of {found}; expected real numbers of shape (3, 3)")
     if not (np.abs(covariance) <= _LARGEST_VARIANCE).all():
         wrong(covariance.tolist(), f"a covariance of numbers up to {_LARGEST_VARIANCE:g}")
     variances = np.linalg.eigvalsh(0.5 * (covariance + covariance.T))

@@ -22,7 +22,7 @@ MAX_NUMBER = 40
 #: Numbers that YAML 1.1 has to the base 8 or 60, and YAML 1.2, and people, do not.
 _OTHER_BASE = re.compile(r"[-+]?0[0-9_]+|[-+]?[0-9][0-9_]*:.*")
 #: Numbers that YAML 1.2, and people, read as such, and YAML 1.1 as texts: ``1e-3`` has no point.
-_EXPONENT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)[eE][-+]?[0-9]+")
+_EXPONENT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)[eE][-+]?[0-9]+\Z")
 #: Longest key [characters].
 MAX_KEY = 100
 
@@ -243,7 +243,9 @@ class _Reader:
         try:
             return self._scalars.construct_object(node)
         except (ValueError, LookupError, yaml.YAMLError):  # LookupError: `!!bool maybe`, `!!int ""`
-            raise SceneError(f"{origin}: {node.value!r} is not a value of type {node.tag}") from None
+            raise SceneError(
+                f"{origin}: {node.value!r} is not a value of type {node.tag}; put a text in quotes"
+            ) from None
 
     def _mapping(self, node: yaml.MappingNode, path: KeyPath, depth: int) -> dict[str, Any]:
         mapping: dict[str, Any] = {}

@@ -14,6 +14,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import yaml
 from mcap.writer import Writer
 
 from msrr_bullet.cli.app import run
@@ -23,9 +24,11 @@ from msrr_bullet.recordings.recording import RecordingError
 from msrr_bullet.recordings.run import Options, perceive
 from msrr_bullet.replay.comparison import ReplayError
 from msrr_bullet.replay.log_replay import replay
+from msrr_bullet.run_folder import RUN_FILES
+from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.photographs.picture_files import PictureError
 from msrr_scenes.errors import MsrrError, SceneError
-from msrr_scenes.messages import PoseEstimate
+from msrr_scenes.messages import Detections, PoseEstimate
 from msrr_scenes.specs.scene import Scene
 from tests.bullet.recordings.conftest import Trial, run_trial_quietly
 from tests.bullet.recordings.mcap_files import png, write_foxglove, write_ros2
@@ -210,6 +213,40 @@ def test_a_log_of_a_trial_that_is_damaged_is_read_as_far_as_it_goes(
         assert 0 < result.frames < whole.frames
         assert len(messages) == 1
         assert "cut.mcap" in messages[0]
+
+
+def test_a_log_that_ends_before_its_first_frame_says_so(trial: Trial, tmp_path: Path) -> None:
+    """It was told to be run again with the settings that it had."""
+    path = tmp_path / "cut.mcap"
+    path.write_bytes((trial.folder / "trial.mcap").read_bytes()[:300_000])
+    with pytest.raises(RecordingError, match=r"cut.mcap: the log ends early, before the first frame"):
+        perceive(path, trial.target)
+
+
+class FailsLate(CornerEkf):
+    """An estimator that fails at its fourth picture."""
+
+    pictures = 0
+
+    def add_detections(self, detections: Detections) -> None:
+        self.pictures += 1
+        if self.pictures == 4:
+            raise ValueError("too many pictures")
+        super().add_detections(detections)
+
+
+def test_what_comes_before_a_class_of_one_s_own_fails_is_kept(trial: Trial, tmp_path: Path) -> None:
+    target, messages = trial.target.with_name("own.yaml"), list[str]()
+    own = {"control": {"estimator": f"{__name__}:FailsLate"}}
+    target.write_text(yaml.safe_dump(yaml.safe_load(trial.target.read_text()) | own))
+    result = perceive(trial.folder, target, out=tmp_path / "run", report=messages.append)
+    assert (result.cut_off, len(messages)) == (True, 1)
+    assert 3 <= result.frames < len(trial.frames())
+    assert "FailsLate" in messages[0]
+    assert "add_detections raised ValueError: too many pictures" in messages[0]
+    assert {path.name for path in (tmp_path / "run").iterdir()} == set(RUN_FILES)
+    events = [event.text for _, event in read_log(tmp_path / "run").messages(Event)]
+    assert messages[0] in events
 
 
 def _torn(whole: bytes) -> bytes:

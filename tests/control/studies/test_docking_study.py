@@ -4,6 +4,9 @@ Medians and 95th percentiles of 1000 trials at a fixed seed: these tests cannot 
 leave room for another seed (percentiles of 1000 scatter by a few per cent).
 """
 
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,7 +16,7 @@ from msrr_control.docking.law import DockSetup
 from msrr_control.feedback.visibility_cone import edge_angles
 from msrr_control.studies.disturbance import Disturbance
 from msrr_control.studies.docking_study import CLOSE, CLOSE_HARD, StudyResult, draw_starts, run_docking_study
-from msrr_scenes.errors import ProgramFailedError
+from msrr_scenes.errors import ParameterError, ProgramFailedError
 
 #: The trajectory of the paper: no slowing down before contact, its end beyond it.
 STEADY = C1DockingParams(guidance=GuidanceSpec(contact_mps=0.11, overrun_m=0.08))
@@ -173,3 +176,17 @@ def test_a_law_that_breaks_the_rules_gives_no_figures(facts: DockSetup, way: str
     law.way = way
     with pytest.raises((ProgramFailedError, ValueError), match=says):
         run_docking_study(law, facts, np.random.default_rng(1))
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"trials": 0}, {"trials": True}, {"duration": 0.0}, {"duration": math.nan}]
+)
+def test_a_study_of_nothing_is_refused(wrong: dict[str, float], facts: DockSetup) -> None:
+    (name,) = wrong
+    with pytest.raises(ParameterError, match=f"^{name}: has to be a number from"):
+        _study(facts, STEADY, **wrong)
+
+
+def test_a_study_without_a_rate_is_refused(facts: DockSetup) -> None:
+    with pytest.raises(ParameterError, match=r"^rate_hz: has to be a number from 1 to"):
+        _study(replace(facts, rate_hz=0.0), STEADY)

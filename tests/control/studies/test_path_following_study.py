@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from msrr_control.path_following.c1 import C1PathFollowingLaw, C1PathFollowingParams
 from msrr_control.path_following.c2 import C2PathFollowingLaw, C2PathFollowingParams
@@ -19,6 +20,7 @@ from msrr_control.studies.path_following_study import (
     draw_paths,
     run_path_following_study,
 )
+from msrr_scenes.errors import ParameterError
 from msrr_scenes.specs.vehicle import LimitsSpec
 
 NORMAL = LimitsSpec.model_validate({})
@@ -171,3 +173,16 @@ def test_what_is_lag_is_told_from_what_is_swing(ideal: PathFollowingStudyResult)
     assert np.median(of_c1["amplitude"] - of_c1["amplitude_path"]) < 0.002
     assert np.median(of_c2["amplitude"] - of_c2["amplitude_path"]) > 0.08
     assert np.median(of_c2["recovery"] - of_c2["recovery_path"]) > 0.3
+
+
+@pytest.mark.parametrize("wrong", [{"trials": 0}, {"rate_hz": 0.0}])
+def test_a_study_of_nothing_is_refused(wrong: dict[str, float]) -> None:
+    (name,) = wrong
+    with pytest.raises(ParameterError, match=f"^{name}: has to be a number from"):
+        _study(**wrong)
+
+
+@pytest.mark.parametrize("radius_m", [(1.4, 1.0), (0.0, 1.0)])
+def test_ranges_of_radii_that_are_none_are_refused(radius_m: tuple[float, float]) -> None:
+    with pytest.raises(ValidationError, match="radius_m"):
+        PathFollowingStartSet(radius_m=radius_m)

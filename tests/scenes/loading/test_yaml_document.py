@@ -95,12 +95,17 @@ def test_merge_keys_are_refused_with_the_way_without_them() -> None:
         ('"\\UFFFFFFFF"', "no character has the number of this escape"),
         ("0200", "0200 is a number to another base than ten"),
         ("3:20", "3:20 is a number to another base than ten"),
-        ("!!bool maybe", "'maybe' is not a value of type tag:yaml.org,2002:bool"),
+        ("!!bool maybe", "'maybe' is not a value of type tag:yaml.org,2002:bool; put a text in quotes"),
     ],
 )
 def test_values_that_the_parser_stumbles_over_are_named(value: str, said: str) -> None:
     with pytest.raises(SceneError, match=rf"^x\.yaml:2:\d+: .*{said}"):
         parse_document(f"a: 1\nb: {value}\n", "x.yaml")
+
+
+@pytest.mark.parametrize("text", ["1e5 trials of a unit", "5e3a91", "2e4-noise", "3e2robot.urdf", "1e", "e5"])
+def test_a_text_that_begins_like_a_number_with_an_exponent_is_a_text(text: str) -> None:
+    assert parse_document(f"a: {text}\n", "file").data == {"a": text}
 
 
 def test_depth_is_bounded_where_it_is_exceeded() -> None:
