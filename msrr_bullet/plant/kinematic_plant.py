@@ -49,6 +49,7 @@ class KinematicPlant(Plant):
         """
         super().__init__(scene, built or as_designed(scene))
         self._world = world
+        self._placed: dict[str, tuple[SE2, tuple[float, float]]] = {}  # of the world, by unit
         # Asking the scene means to look for the file of the URDF, which takes longer than a tick.
         self._geometries = {name: scene.geometry(name) for name in scene.units}
         self._poses = {name: placement.units[name] for name in scene.units}
@@ -81,7 +82,10 @@ class KinematicPlant(Plant):
             port.step(dt)
         if self._world is not None:
             for name, X_WU in self._poses.items():
-                self._world.place(name, X_WU, self._wheels[name])
+                stands = X_WU, self._wheels[name]
+                if self._placed.get(name) != stands:
+                    self._world.place(name, *stands)
+                    self._placed[name] = stands
             self._world.reveal(seconds(self.now_ns()))
 
     def pose(self, unit: str) -> SE2:

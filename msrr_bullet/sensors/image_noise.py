@@ -107,7 +107,8 @@ def blur_kernel(sigma: float) -> NDArray[np.float32]:
     """Return the kernel of a blur of ``sigma`` [px], shape (2 r + 1,), whole numbers that sum to 256.
 
     It is the discrete Gaussian (Lindeberg, Scale-space for discrete signals, PAMI 1990), whose variance is
-    sigma**2 at any sigma; a sampled Gaussian of 0.4 px blurs by only 0.28 px.
+    sigma**2 at any sigma; a sampled Gaussian of 0.4 px blurs by only 0.28 px. Rounding cuts the tails: a blur
+    of 1.6 px is 0.6 % too small, of 5 px 1.5 %, of 20 px 7 %, and one of up to 0.06 px is none.
     """
     angle = 2.0 * np.pi * np.arange(129) / 256.0
     half = np.rint(_KERNEL_SUM * np.fft.irfft(np.exp(sigma**2 * (np.cos(angle) - 1.0)))[:128])

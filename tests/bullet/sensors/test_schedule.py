@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
+from fractions import Fraction
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -36,6 +39,20 @@ def test_an_event_happens_at_the_first_tick_at_or_after_each_due_time(
     ambiguous = sum(ticks[bisect_left(ticks, time - 1)] <= time + 1 for time in due[1:])
     assert len(set(events) ^ expected) <= 2 * ambiguous
     assert len(events) == len(set(events))
+
+
+@pytest.mark.parametrize("first", range(6))
+@pytest.mark.parametrize("tick_hz", [240, 250, 480, 960])
+@pytest.mark.parametrize("rate_hz", [10, 25, 30, 48, 50, 60, 80, 120, 240])
+def test_an_event_that_begins_at_any_tick_misses_no_tick_that_is_due(
+    rate_hz: int, tick_hz: int, first: int
+) -> None:
+    """At 240 Hz one of three encoder readings was lost in a step that began at such a tick."""
+    ticks = [round(k * S / tick_hz) for k in range(first, first + 4 * tick_hz)]
+    event = Periodic(float(rate_hz), ticks[0])
+    happened = [k for k, tick in enumerate(ticks) if event.due(tick)]
+    due = [math.ceil(Fraction(k * tick_hz, rate_hz)) for k in range(4 * rate_hz)]
+    assert happened == sorted({k for k in due if k < len(ticks)})
 
 
 @settings(deadline=None)
