@@ -103,6 +103,9 @@ def plot_variation(variation: Variation, path: str | Path) -> Path:
         rates.set(ylabel=f"share of trials\n{variation.goal}", ylim=(-0.03, 1.05))
         for axes, name in zip(errors, steps, strict=True):
             axes.set(ylabel="lateral error\nat contact [mm]", title=name if len(steps) > 1 else "")
+            if not any(np.isfinite(np.asarray(line.get_ydata(), dtype=float)).any() for line in axes.lines):
+                axes.set_yticks([])
+                axes.text(0.5, 0.5, "no contact", transform=axes.transAxes, ha="center", va="center")
             axes.set_ylim(0.0, 1.05 * axes.get_ylim()[1])
             axes.plot([], [], "o", color="0.4", label="median")
             axes.plot([], [], "o", color="0.4", label="95 %", markerfacecolor="none")

@@ -19,6 +19,8 @@ from msrr_bullet.trial.step_result import AssemblyFigures, AttemptRecord, Planar
 from msrr_bullet.trial.step_result import Belief as BeliefName
 from msrr_bullet.trial.unit_runner import UnitRunner
 from msrr_bullet.trial.verdict import Verdict, time_is_up
+from msrr_perception.tracking.global_estimator import pose_in_dock_frame
+from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, Belief, Conviction, LockPosition, Phase, Twist, seconds
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.faults import PortPlugged
@@ -242,13 +244,24 @@ class DockingStep:
             if isinstance(fault, PortPlugged) and (fault.unit, fault.port) == target:
                 self._plant.set_plug(fault.unit, fault.port, attempt in fault.attempts)
 
+    def believed(self, phase: Phase) -> SE2 | None:
+        """Return the pose X_DU that the unit believes to have in a phase; None while it believes none.
+
+        On the way from afar it goes by its pose in the arena and that of the target, later by what its own
+        camera shows.
+        """
+        shown = self.robot.estimates
+        if phase is Phase.ASSEMBLE and shown.arena is not None:
+            return pose_in_dock_frame(shown.arena, self.judge.X_TD)
+        return shown.pose.X_DU if shown.pose else None
+
     def _record(self, last: Action, reason: str) -> AttemptRecord:
-        estimate = self.robot.estimates.pose
+        believed = self.believed(last.phase) or self.believed(Phase.ASSEMBLE)  # it gave up on its way
         return AttemptRecord(
             ended_s=seconds(last.stamp_ns),
             phase=last.phase,
             reason=reason,
             contact=self.judge.contact_in(last.attempt),
-            believed=PlanarPose.of(estimate.X_DU) if estimate else None,
+            believed=PlanarPose.of(believed) if believed else None,
             true=PlanarPose.of(self.judge.X_DU()),
         )

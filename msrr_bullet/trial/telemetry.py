@@ -14,7 +14,6 @@ from msrr_bullet.timeline.camera_views import CameraViewCollector, CameraViewer
 from msrr_bullet.timeline.snapshot import Viewer
 from msrr_bullet.timeline.snapshot_builder import SnapshotBuilder
 from msrr_bullet.trial.docking_step import DockingStep
-from msrr_perception.tracking.global_estimator import pose_in_dock_frame
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Action, Exposure, Phase, Pixels, seconds
@@ -158,14 +157,6 @@ def _level(outcome: Outcome) -> Level:
     return Level.INFO if outcome in good else Level.WARNING
 
 
-def _believed(step: DockingStep) -> SE2 | None:
-    """Return the pose X_DU that the unit believes to have; None while it believes none."""
-    shown = step.robot.estimates
-    if step.action.phase is Phase.ASSEMBLE and shown.arena is not None:
-        return pose_in_dock_frame(shown.arena, step.judge.X_TD)
-    return shown.pose.X_DU if shown.pose else None
-
-
 def _progress(step: DockingStep) -> Progress:
     action = step.action
     return Progress(
@@ -173,7 +164,7 @@ def _progress(step: DockingStep) -> Progress:
         action.phase,
         action.attempt,
         step.step,
-        _believed(step),
+        step.believed(action.phase),
         step.judge.X_DU(),
         action.reason,
     )

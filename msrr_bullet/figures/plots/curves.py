@@ -42,7 +42,8 @@ def lateral(axes: Axes, series: TrialSeries) -> None:
     """Draw the lateral offset of the port from the axis of the dock frame."""
     _truth_and_belief(axes, series, 1, 1e3, "lateral [mm]")
     _use_log_scale(axes, series)
-    axes.legend(loc="best", fontsize=8)
+    if axes.get_legend_handles_labels()[0]:  # a recording may show no target
+        axes.legend(loc="best", fontsize=8)
 
 
 def yaw(axes: Axes, series: TrialSeries) -> None:
@@ -73,7 +74,8 @@ def _truth_and_belief(
 ) -> None:
     """Draw a column of the series of the port; ``curves`` are its true and believed values, if others."""
     truth, believed = curves or (series.true_port[:, column], series.believed_port[:, column])
-    if not np.isfinite(truth).any():  # a recording; there it matters how sure the estimate is
+    recorded = not np.isfinite(truth).any() and bool(np.isfinite(believed).any())
+    if recorded:  # there it matters how sure the estimate is
         two_sigma = 2.0 * series.port_sigma[:, column]
         low, high = (scale * series.with_gaps(believed + k * two_sigma) for k in (-1.0, 1.0))
         axes.fill_between(
@@ -150,7 +152,7 @@ def clearance(axes: Axes, series: TrialSeries, scene: Scene) -> None:
     """Draw the smallest clearance, and the limits of the judge and of a collision monitor if there is one."""
     guard = scene.control.guard
     alone = bool(np.isnan(series.clearance).all())
-    label = "no two bodies that may not touch" if alone else "smallest clearance (truth)"
+    label = "no two bodies that may not touch" if alone else "smallest clearance of all bodies (truth)"
     width = 0.0 if alone else 2.0
     axes.plot(series.time, series.clearance, color=css(CLEARANCE), linewidth=width, label=label)
     bounds = [(scene.judge.min_clearance_m, "-", "judge")]

@@ -51,14 +51,18 @@ def write_plot(
         return save(figure, path)
     shown = unit_of_curves(snapshots, unit)
     series = TrialSeries.of(scene, of_unit(snapshots, shown))
-    left: list[Callable[[Axes], None]] = [
-        lambda axes: curves.gap(axes, series),
-        lambda axes: curves.lateral(axes, series),
-        lambda axes: curves.yaw(axes, series),
-    ]
+    left: list[Callable[[Axes], None]] = []
+    if np.isfinite([series.true_port, series.believed_port]).any():  # it has a port to go to
+        left = [
+            lambda axes: curves.gap(axes, series),
+            lambda axes: curves.lateral(axes, series),
+            lambda axes: curves.yaw(axes, series),
+        ]
     if series.follows_path:
         left.insert(0, lambda axes: curves.off_path(axes, series))
-    right: list[Callable[[Axes], None]] = [lambda axes: curves.sight(axes, series, scene)]
+    right: list[Callable[[Axes], None]] = []
+    if np.isfinite(series.sight).any():
+        right = [lambda axes: curves.sight(axes, series, scene)]
     if np.isfinite(series.commanded).any():  # of a recording nobody knows how it was driven
         right = [
             lambda axes: curves.speed(axes, series, scene.limits),
@@ -67,8 +71,11 @@ def write_plot(
             *right,
         ]
     figure = Figure(figsize=(WIDTH, ROW * max(len(left), len(right)) + 0.6), dpi=DPI, layout="constrained")
-    columns = figure.add_gridspec(1, 2)
-    curves.draw_stack(figure, columns[0], series, left)
-    curves.draw_stack(figure, columns[1], series, right)
+    if not left and not right:
+        left = [lambda axes: curves.gap(axes, series)]
+    stacks = [stack for stack in (left, right) if stack]
+    columns = figure.add_gridspec(1, len(stacks))
+    for k, stack in enumerate(stacks):
+        curves.draw_stack(figure, columns[k], series, stack)
     curves.set_title(figure, scene, headline, shown)
     return save(figure, path)

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from textwrap import fill
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -91,8 +92,9 @@ def _rows_of_curves(scene: Scene, series: TrialSeries) -> list[Callable[[Axes], 
     rows: list[Callable[[Axes], None]] = [
         lambda axes: curves.lateral(axes, series),
         lambda axes: curves.yaw(axes, series),
-        lambda axes: curves.sight(axes, series, scene),
     ]
+    if np.isfinite(series.sight).any():  # the unit has looked for the port
+        rows.append(lambda axes: curves.sight(axes, series, scene))
     if series.follows_path:
         rows.insert(0, lambda axes: curves.off_path(axes, series))
     return rows

@@ -100,7 +100,7 @@ class LeftOut:
         kind: Whether it is one sighting, all of a tag, or all of a picture.
         tags: Ids of its tags.
         pictures: Names of its pictures.
-        rms_px: Root mean square of its corner coordinates against the rest [px].
+        rms_px: Root mean square of the distances of its corners from where the rest has them [px].
         score: How unlikely it is, as the quantile of a standard normal distribution.
     """
 
@@ -210,13 +210,14 @@ def _summary(
     adjusted, kept = consistent.adjusted, consistent.kept
     bundle = adjusted.bundle
     tags = {ids[tag]: _mapped_tag(adjusted, seen.of(kept), tag) for tag in np.unique(seen.tag[kept])}
+    sightings = _mapped_sightings(bundle, seen, kept, names, ids)
     return TagMap(
         reference=ids[bundle.reference],
         tag_size=bundle.tag_size,
         tags=tags,
         X_CM={names[view]: bundle.X_CM(view) for view in np.unique(seen.view[kept])},
-        sightings=_mapped_sightings(bundle, seen, kept, names, ids),
-        left_out=tuple(_left_out(c, seen, names, ids) for c in consistent.contradictions),
+        sightings=sightings,
+        left_out=tuple(_left_out(c, seen, names, ids, sightings) for c in consistent.contradictions),
         unconnected=alone,
         lens=bundle.lens,
         lens_sigma=_lens_sigma(adjusted),
@@ -257,13 +258,24 @@ def _viewing_angle(X_CT: SE3) -> float:
     return math.acos(min(abs(float(X_CT.R[:, 2] @ X_CT.p)) / float(np.linalg.norm(X_CT.p)), 1.0))
 
 
-def _left_out(found: Contradiction, seen: Sightings, names: list[str], ids: list[int]) -> LeftOut:
+def _left_out(
+    found: Contradiction,
+    seen: Sightings,
+    names: list[str],
+    ids: list[int],
+    sightings: Sequence[MappedSighting],
+) -> LeftOut:
     members = found.group.members
+    distances = np.array([sightings[i].distances for i in members])
+    # Of a tag or a picture that is left out as a whole nothing tells where the rest has it. It was measured
+    # by the coordinates that others checked before.
+    known = bool(np.isfinite(distances).all())
+    rms_px = math.sqrt(np.mean(distances**2)) if known else math.sqrt(2.0) * found.rms_px
     return LeftOut(
         kind=found.group.kind,
         tags=tuple(ids[tag] for tag in np.unique(seen.tag[members])),
         pictures=tuple(names[view] for view in np.unique(seen.view[members])),
-        rms_px=found.rms_px,
+        rms_px=rms_px,
         score=found.score,
     )
 

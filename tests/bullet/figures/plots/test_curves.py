@@ -66,7 +66,9 @@ def test_the_clearance_names_the_limits_of_judge_and_collision_monitor(drive):
     curves.clearance(axes, series, drive.scene)
     limits = "collision monitor slows 50 mm, collision monitor stops 30 mm, judge 20 mm"
     assert axes.get_title(loc="right") == limits
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["smallest clearance (truth)"]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        "smallest clearance of all bodies (truth)"
+    ]
     drawn = np.asarray(axes.lines[0].get_ydata())
     assert np.nanmin(drawn) == np.nanmin(series.clearance) > 0.0, "the docking pair is left out"
 
