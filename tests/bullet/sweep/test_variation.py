@@ -234,6 +234,19 @@ def test_a_level_without_a_trial_has_no_rate_in_the_plot(varied: Variation, draw
     np.testing.assert_array_equal(rates, [np.nan, 1.0, 1.0])
 
 
+def test_where_no_pin_touched_the_plot_says_so(varied: Variation, drawn: list[Figure]) -> None:
+    """It had an axis of millimetres without a point, which reads as if errors were too small to see."""
+    none = []
+    for level in varied.levels:
+        steps = tuple(step.model_copy(update={"contact_lateral_mm": None}) for step in level.summary.steps)
+        summary = level.summary.model_copy(update={"steps": steps})
+        none.append(level.model_copy(update={"summary": summary}))
+    plot_variation(Variation(levels=tuple(none)), "plot.png")
+    for axes in drawn[0].axes[1:]:
+        assert [text.get_text() for text in axes.texts] == ["no contact"]
+        assert len(axes.get_yticks()) == 0
+
+
 def test_a_curve_goes_through_its_values_in_their_order(varied: Variation, drawn: list[Figure]) -> None:
     plot_variation(Variation(levels=varied.levels[::-1]), "plot.png")
     for container in drawn[0].axes[0].containers:

@@ -111,7 +111,14 @@ CASES = (
         lambda r: r.min_clearance_m is not None and 0.0 < r.min_clearance_m < 0.02,
         blind=True,
     ),
-    Case(Outcome.BLOCKED, "blocked", "gave_up", nothing_touched, blind=True),
+    Case(
+        Outcome.BLOCKED,
+        "blocked",
+        "gave_up",
+        # It has seen nothing with its own camera, and knows where it is from the overhead camera.
+        lambda r: nothing_touched(r) and r.attempts[-1].believed is not None,
+        blind=True,
+    ),
     Case(
         Outcome.LEFT_ARENA, "no_room_to_retreat", "undecided", lambda r: r.phase is Phase.RETREAT, blind=True
     ),

@@ -121,6 +121,10 @@ def test_one_wrong_sighting_is_named() -> None:
     assert [(one.kind, one.tags, one.pictures) for one in found.left_out] == [
         ("sighting", (wrong.tag_id,), (pictures[2].name,))
     ]
+    (left_out,) = (one for one in found.sightings if not one.kept)
+    rms_px = math.sqrt(np.mean(left_out.distances**2))
+    assert found.left_out[0].rms_px == pytest.approx(rms_px, rel=1e-9)
+    assert rms_px == pytest.approx(0.5 * 3.0, abs=5 * 0.2)  # of one corner of four
 
 
 def moved(pictures: list[TaggedPicture], tag_id: int, wrong: Collection[int], shift_px: Array) -> set[str]:

@@ -8,6 +8,7 @@ import pytest
 
 from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import BAD_INPUT
+from msrr_bullet.figures.plots import run_plot
 from msrr_bullet.figures.plots.run_plot import write_plot
 from msrr_bullet.timeline import palette
 from msrr_scenes.errors import MsrrError
@@ -46,6 +47,19 @@ def test_what_cannot_be_plotted_is_refused(short_log, tmp_path, short_run, capsy
     assert run(["plot", str(short_run), "--out", str(tmp_path / "plot.docx")]) == BAD_INPUT
     assert ".png" in capsys.readouterr().err
     assert run(["plot", str(tmp_path)]) == BAD_INPUT
+
+
+def test_curves_that_a_unit_does_not_have_are_left_out(short_log, short_snapshots, tmp_path, monkeypatch):
+    """A unit that a base station sends into the open has no port, and its camera shows no target."""
+    drawn = []
+    monkeypatch.setattr(run_plot, "save", lambda figure, path: drawn.append(figure))
+    steps = [replace(s.steps[0], step=None, estimate=None, los=None) for s in short_snapshots[::10]]
+    bare = [replace(s, steps=(step,)) for s, step in zip(short_snapshots[::10], steps, strict=True)]
+    for snapshots in (short_snapshots[::10], bare):
+        write_plot(tmp_path / "plot.png", short_log.header.scene, snapshots)
+    whole, few = ({axes.get_ylabel() for axes in figure.axes} for figure in drawn)
+    assert {"gap to the port [m]", "lateral [mm]", "yaw [deg]", "edge angle [deg]"} == whole - few
+    assert few >= {"v [m/s]", "w [rad/s]", "clearance [m]"}
 
 
 def test_units_under_way_at_once_have_curves_of_their_own(short_log, short_snapshots, tmp_path):
