@@ -38,8 +38,8 @@ class Periodic:
             return False
         elapsed = (now_ns - self._start) / NS_PER_S
         self._count = max(self._count + 1, int(elapsed * self._rate) + 1)
-        # Start, due time and tick are rounded each: a tick that is due may lie 1 ns before its due time.
-        self.next_ns = self._start + math.ceil(self._count * NS_PER_S / self._rate) - 1
+        # Start and tick are rounded each. The tick that is due is later by the time rounded up or down.
+        self.next_ns = self._start + math.floor(self._count * NS_PER_S / self._rate + 1e-6)
         return True
 
 
