@@ -162,7 +162,7 @@ class LosEstimator:
         left, ahead = _edges_in_camera(self.target, then.X_DU)[side]
         before = math.atan2(left, ahead)
         off = abs(math.remainder(last.bearing - before, 2.0 * math.pi))
-        if last.of_tag and off > _farthest(then, math.hypot(left, ahead)):
+        if last.of_tag and off > _FARTHEST_RAD and off > _farthest(then, math.hypot(left, ahead)):
             return None
         return last.bearing + math.remainder(predicted - before, 2.0 * math.pi)
 
