@@ -25,7 +25,7 @@ from msrr_perception.detection.detector import scene_detector
 from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.tracking.arena_tracker import ArenaTracker
-from msrr_perception.tracking.body_track import SeenPoses
+from msrr_perception.tracking.seen_pose import SeenPoses
 from msrr_scenes.checks.problems import dotted
 from msrr_scenes.errors import SceneError
 from msrr_scenes.geometry.se2 import SE2

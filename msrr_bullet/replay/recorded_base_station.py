@@ -6,7 +6,7 @@ from msrr_bullet.base_station.base_station import BASE_STATION, BaseStation
 from msrr_bullet.log import topics
 from msrr_bullet.log.records import RadioReceipt
 from msrr_bullet.replay.recorded_robot import RecordedReader
-from msrr_perception.tracking.body_track import SeenPoses
+from msrr_perception.tracking.seen_pose import SeenPoses
 from msrr_scenes.messages import Detections, GlobalPose
 from msrr_scenes.messages.coordination import Authority, UnitReport
 

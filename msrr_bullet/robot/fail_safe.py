@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 from msrr_bullet.profiler import Profiler
 from msrr_bullet.robot.guided_unit import GuidedUnit
 from msrr_bullet.robot.interface import Estimates, LedRobot, ObservableRobot
-from msrr_perception.tracking.body_track import SeenPoses
+from msrr_perception.tracking.seen_pose import SeenPoses
 from msrr_scenes.errors import ProgramFailedError
 from msrr_scenes.messages import (
     Action,

@@ -12,7 +12,7 @@ from msrr_bullet.robot.route_program import RouteProgram
 from msrr_bullet.robot.unit_programs import UnitPrograms
 from msrr_control.shapes.bodies import ACTIVE_PORT
 from msrr_control.staging.guided_assembler import GuidedAssembler
-from msrr_perception.tracking.body_track import SeenPoses
+from msrr_perception.tracking.seen_pose import SeenPoses
 from msrr_scenes.messages import (
     OVERHEAD,
     Action,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import NamedTuple, Protocol
 
-from msrr_perception.tracking.body_track import SeenPoses
+from msrr_perception.tracking.seen_pose import SeenPoses
 from msrr_scenes.messages import (
     Action,
     ArenaEstimate,

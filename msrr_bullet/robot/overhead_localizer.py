@@ -9,8 +9,8 @@ from msrr_perception.detection.detector import Detector
 from msrr_perception.detection.overhead_vision import OverheadVision
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
-from msrr_perception.tracking.body_track import SeenPoses
 from msrr_perception.tracking.global_estimator import GlobalEstimator
+from msrr_perception.tracking.seen_pose import SeenPoses
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     NS_PER_S,

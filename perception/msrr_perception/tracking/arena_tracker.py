@@ -9,7 +9,8 @@ from functools import lru_cache
 import numpy as np
 
 from msrr_perception.pose.overhead_model import OverheadModel
-from msrr_perception.tracking.body_track import BodyTrack, Motion, SeenPose, SeenPoses, TrackNoise
+from msrr_perception.tracking.body_track import BodyTrack, Motion, TrackNoise
+from msrr_perception.tracking.seen_pose import SeenPose, SeenPoses
 from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import NS_PER_S, OVERHEAD, Detections, GlobalPose, ObstacleEstimate

@@ -16,7 +16,8 @@ from msrr_perception.motion.motion_noise import MotionNoise
 from msrr_perception.pose.overhead_model import OverheadModel, moved_along
 from msrr_perception.pose.target import TargetModel
 from msrr_perception.tracking.arena_tracker import ArenaTracker
-from msrr_perception.tracking.body_track import SeenPose, SeenPoses, StandstillDetector
+from msrr_perception.tracking.body_track import StandstillDetector
+from msrr_perception.tracking.seen_pose import SeenPose, SeenPoses
 from msrr_scenes.arrays import frozen
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (

@@ -10,7 +10,7 @@ import pytest
 
 from msrr_bullet.robot.guided_unit import GuidedUnit
 from msrr_bullet.robot.interface import Estimates
-from msrr_perception.tracking.body_track import SeenPose, SeenPoses
+from msrr_perception.tracking.seen_pose import SeenPose, SeenPoses
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     OVERHEAD,

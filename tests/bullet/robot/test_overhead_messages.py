@@ -10,7 +10,7 @@ from msrr_control.shapes.bodies import ACTIVE_PORT
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
-from msrr_perception.tracking.body_track import SeenPose, SeenPoses
+from msrr_perception.tracking.seen_pose import SeenPose, SeenPoses
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (

@@ -9,7 +9,7 @@ import pytest
 
 from msrr_bullet.robot.route_program import RouteProgram
 from msrr_bullet.robot.unit_programs import UnitPrograms, check_programs
-from msrr_perception.tracking.body_track import SeenPose, SeenPoses
+from msrr_perception.tracking.seen_pose import SeenPose, SeenPoses
 from msrr_scenes.errors import SceneError, UnknownNameError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (

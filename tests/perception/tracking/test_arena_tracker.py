@@ -9,7 +9,7 @@ import pytest
 
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.tracking.arena_tracker import ArenaTracker
-from msrr_perception.tracking.body_track import SeenPose
+from msrr_perception.tracking.seen_pose import SeenPose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import OVERHEAD, Detections, Exposure, GlobalPose, TagDetection
 from msrr_scenes.specs.scene import Scene

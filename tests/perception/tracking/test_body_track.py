@@ -16,7 +16,8 @@ import pytest
 from scipy.stats import chi2
 
 from msrr_perception.pose.overhead_errors import PoseErrors
-from msrr_perception.tracking.body_track import BodyTrack, Motion, SeenPose, TrackNoise
+from msrr_perception.tracking.body_track import BodyTrack, Motion, TrackNoise
+from msrr_perception.tracking.seen_pose import SeenPose
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose, Twist
 from msrr_scenes.specs.vehicle import LimitsSpec

@@ -19,8 +19,8 @@ from msrr_perception.pose.corner_errors import corners_by_sections
 from msrr_perception.pose.global_pose import FlatTag
 from msrr_perception.pose.overhead_model import OverheadModel
 from msrr_perception.pose.target import TargetModel
-from msrr_perception.tracking.body_track import SeenPose, SeenPoses
 from msrr_perception.tracking.global_estimator import GlobalEstimator
+from msrr_perception.tracking.seen_pose import SeenPose, SeenPoses
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     ArenaEstimate,
