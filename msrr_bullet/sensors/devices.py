@@ -139,7 +139,7 @@ class Devices:
             scene,
             spec,
             self._simulation.poses,
-            self._errors(OVERHEAD),
+            lambda body: self._errors(OVERHEAD, body),
             self._frames_of(OVERHEAD, spec, built.overhead),
             None if built.is_as_designed else OverheadSight(scene, built),
         )
@@ -176,9 +176,12 @@ class Devices:
         self._renderers.append((spec.renderer, spec.samples, renderer))
         return renderer
 
-    def _errors(self, camera: str) -> np.random.Generator:
-        """Return the generator of the errors of a parametric camera; all steps share the sequence."""
-        name = f"camera/{camera}/parametric"
+    def _errors(self, camera: str, *body: str) -> np.random.Generator:
+        """Return the generator of the errors of a parametric camera, or of what it measures of one body.
+
+        All steps share the sequence.
+        """
+        name = "/".join(("camera", camera, "parametric", *body))
         return self._generators.setdefault(name, stream(self._seed, name))
 
     def _frames_of(self, camera: str, spec: CameraSpec, built: BuiltCamera) -> FrameSequence:

@@ -26,10 +26,12 @@ class LocalisationError:
     def __init__(self, spec: LocalisationErrorSpec, seed: int) -> None:
         """Start with a drift of zero at the first exposure.
 
-        The errors are drawn from the stream ``camera/overhead/localisation``.
+        The drift is drawn from the stream ``camera/overhead/localisation``, and noise and dropout of a body
+        from a stream with its name behind that, so that the errors of a body do not depend on other bodies.
         """
-        self._spec = spec
-        self._rng = stream(seed, f"camera/{OVERHEAD}/localisation")
+        self._spec, self._seed = spec, seed
+        self._walk = self._stream()
+        self._of_body: dict[str, np.random.Generator] = {}
         self._drift = np.zeros(3)
         self._stamp_ns: int | None = None
 
@@ -50,21 +52,27 @@ class LocalisationError:
     def _draw(self, stamp_ns: int, model: OverheadModel, own: str) -> tuple[dict[int, Array], frozenset[int]]:
         """Return the errors (x, y, yaw) in W [m, rad] by tag, each shape (3,), and the tags that drop out."""
         spec = self._spec
-        tags = tuple(sorted(model.tags))
         # The number of draws per exposure does not depend on what is detected or how large the errors are.
-        walk = self._rng.standard_normal(3)
-        noise = self._rng.standard_normal((len(tags), 3))
-        uniform = self._rng.random(len(tags))
+        walk = self._walk.standard_normal(3)
         elapsed = 0.0 if self._stamp_ns is None else seconds(stamp_ns - self._stamp_ns)
         self._stamp_ns = stamp_ns
         drift = np.array([spec.drift_m, spec.drift_m, math.radians(spec.drift_yaw_deg)])
         self._drift += math.sqrt(elapsed) * drift * walk
         bias = np.array([spec.bias_x_m, spec.bias_y_m, math.radians(spec.bias_yaw_deg)])
         sigma = np.array([spec.noise_m, spec.noise_m, math.radians(spec.noise_yaw_deg)])
-        errors = dict(zip(tags, sigma * noise, strict=True))
-        errors[model.tag_of[own]] = errors[model.tag_of[own]] + bias + self._drift
-        dropped = uniform < spec.dropout
-        return errors, frozenset(tag for tag, drop in zip(tags, dropped, strict=True) if drop)
+        errors, dropped = {}, set()
+        for body, tag in model.tag_of.items():
+            if body not in self._of_body:
+                self._of_body[body] = self._stream(body)
+            rng = self._of_body[body]
+            noise = sigma * rng.standard_normal(3)
+            errors[tag] = noise + bias + self._drift if body == own else noise
+            if rng.random() < spec.dropout:
+                dropped.add(tag)
+        return errors, frozenset(dropped)
+
+    def _stream(self, *body: str) -> np.random.Generator:
+        return stream(self._seed, "/".join(("camera", OVERHEAD, "localisation", *body)))
 
 
 def _moved(model: OverheadModel, detected: TagDetection, error: Array) -> TagDetection:

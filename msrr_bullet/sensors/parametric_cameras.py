@@ -103,21 +103,21 @@ class ParametricOverheadCamera:
         scene: Scene,
         spec: CameraSpec,
         poses: Callable[[], Mapping[str, SE2]],
-        rng: np.random.Generator,
+        errors: Callable[[str], np.random.Generator],
         frames: FrameSequence,
         sight: OverheadSight | None = None,
     ) -> None:
         """Measure every body that stands in the world and has a tag, as the detector of the camera does.
 
-        ``poses`` returns the true ``X_WB`` of these bodies; all else is as for
+        ``poses`` returns the true ``X_WB`` of these bodies, and ``errors`` the generator of the errors of a
+        body, so that these do not depend on other bodies. All else is as for
         :class:`ParametricOnboardCamera`.
         """
         self.name = OVERHEAD
         self.spec = spec
-        self._bodies = (*scene.units, *scene.obstacles)
+        self._errors = {name: errors(name) for name in (*scene.units, *scene.obstacles)}
         self._untagged = {name for name, obstacle in scene.obstacles.items() if obstacle.tag_id is None}
         self._poses = poses
-        self._rng = rng
         self.frames, self._sight = frames, sight
         xy, yaw = scene.parametric.sigma_xy_m, math.radians(scene.parametric.sigma_yaw_deg)
         self._sigma = np.array([xy, xy, yaw])
@@ -127,7 +127,7 @@ class ParametricOverheadCamera:
         """Draw one measurement of every body; none when the frame was lost."""
         exposure = self.frames.expose(now_ns)
         # Errors are drawn for all bodies of the scene, so that the errors do not depend on who has appeared.
-        errors = {name: self._sigma * self._rng.standard_normal(3) for name in self._bodies}
+        errors = {name: self._sigma * rng.standard_normal(3) for name, rng in self._errors.items()}
         if exposure is None:
             return ()
         seen = {name: self._see(name, X_WB) for name, X_WB in self._poses().items()}

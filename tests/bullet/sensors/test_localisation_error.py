@@ -23,13 +23,20 @@ localizer = cache(OverheadModel.localizer)
 POSES = {"a": SE2(-1.2, 0.7, 0.6), "b": SE2(1.0, -0.2, -2.0), "post": SE2(0.1, 0.4, 0.0)}
 
 
+POST = {"post": {"shape": "cylinder", "radius_m": 0.06, "tag_id": 500}}
+
+
 @pytest.fixture(scope="module")
 def model() -> OverheadModel:
+    return model_with(POST)
+
+
+def model_with(obstacles: dict[str, dict[str, object]]) -> OverheadModel:
     scene = Scene.model_validate(
         {
             "name": "outdoors",
             "units": {"a": {"number": 0}, "b": {"number": 1}},
-            "obstacles": {"post": {"shape": "cylinder", "radius_m": 0.06, "tag_id": 500}},
+            "obstacles": obstacles,
             "cameras": {"overhead": {"x_m": 0.3, "y_m": -0.2}},
             "plan": [{"unit": "a", "to": "b.rear"}],
         }
@@ -131,6 +138,18 @@ def test_the_errors_do_not_depend_on_what_is_detected(model: OverheadModel) -> N
             np.testing.assert_array_equal(of_all["a"], of_one["a"])
     other = LocalisationError(spec, seed=5).apply(exact_detections(model, 0), model, "a")
     assert not np.allclose(errors(model, other)["a"], of_all["a"])
+
+
+def test_the_errors_of_a_body_do_not_depend_on_other_bodies(model: OverheadModel) -> None:
+    spec = LocalisationErrorSpec(noise_m=0.01, noise_yaw_deg=1.0, drift_m=0.01, dropout=0.3)
+    bare = model_with({})
+    with_post, without = (LocalisationError(spec, seed=6) for _ in range(2))
+    for frame in range(20):
+        every = errors(model, with_post.apply(exact_detections(model, frame), model, "a"))
+        some = errors(bare, without.apply(exact_detections(bare, frame, ("a", "b")), bare, "a"))
+        assert some.keys() == every.keys() - {"post"}
+        for name, error in some.items():
+            np.testing.assert_array_equal(error, every[name])
 
 
 def test_tags_of_no_body_are_not_changed(model: OverheadModel) -> None:

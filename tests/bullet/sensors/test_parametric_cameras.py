@@ -136,7 +136,7 @@ def overhead(of: Scene, poses: Mapping[str, SE2], dropout: float = 0.0) -> list[
     spec = of.cameras.overhead
     assert spec is not None
     frames = frames_of("overhead", spec, dropout)
-    camera = ParametricOverheadCamera(of, spec, lambda: poses, stream(1, "parametric"), frames)
+    camera = ParametricOverheadCamera(of, spec, lambda: poses, lambda body: stream(1, body), frames)
     captured = [camera.capture(k, None) for k in range(N)]
     return [{m.name: m for m in messages if isinstance(m, GlobalPose)} for messages in captured]
 
@@ -165,4 +165,7 @@ def test_errors_of_a_body_depend_neither_on_other_bodies_nor_on_lost_frames() ->
         assert some.keys() == alone.keys()
         assert all(every[name].X_WB == some[name].X_WB for name in alone)
         assert not kept or all(every[name].X_WB == kept[name].X_WB for name in POSES)
+    bare = scene().model_copy(update={"obstacles": {}})
+    for every, some in zip(with_late, overhead(bare, alone), strict=True):
+        assert all(every[name].X_WB == some[name].X_WB for name in alone)
     assert 0.6 * N < sum(bool(frame) for frame in lossy) < 0.8 * N
