@@ -7,7 +7,9 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from itertools import islice
 from pathlib import Path
+from statistics import mode
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -37,6 +39,9 @@ _NO_FOCAL = 0.2
 #: blurred pictures are better known.
 _NO_FIT_PX, _NO_FIT = 2.0, 1e-3
 
+
+#: Number of pictures that are asked what they show: of a part of a board some show less than the others.
+_HINTS = 5
 
 #: Endings of the file of a calibration.
 _YAML = ".yaml", ".yml"
@@ -225,9 +230,11 @@ def _doubt(board: Board, files: Sequence[Path], missed: Sequence[str]) -> str:
 
 
 def _seen(board: Board, files: Sequence[Path]) -> str:
-    """Return what the first picture shows that shows anything like a board, or an empty text."""
+    """Return what most of the first pictures show that show anything like a board, or an empty text."""
     hints = ((file, board.hint(_read(file))) for file in files)
-    return next((f"; {file} shows {text}" for file, text in hints if text), "")
+    some = list(islice(((file, text) for file, text in hints if text), _HINTS))
+    texts = [text for _, text in some]
+    return next((f"; {file} shows {text}" for file, text in some if text == mode(texts)), "")
 
 
 def _read_boards(

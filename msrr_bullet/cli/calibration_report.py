@@ -65,6 +65,12 @@ def print_report(
         lines.append(
             "the focal length is poorly known: tilt the board more, by 30 to 45 degrees to all sides"
         )
+    if found.refused is not None:
+        lines.append(
+            f"the lens is wider than its model: with {_names(found.refused.free)} free, pictures held out "
+            f"have {found.refused.held_out_px:.3f} px, not {found.model.held_out_px:.3f}, but that lens "
+            "folds the picture; sigma counts the difference"
+        )
     used = sum(view.used for view in found.views)
     lines.append(
         f"{counted(used, 'picture')}: residual {found.rms_px:.3f} px RMS, "

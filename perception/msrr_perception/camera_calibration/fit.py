@@ -36,9 +36,9 @@ _MOST_GROUPS = 10
 #: pictures are held out together, for each of them is no test of a camera that was fitted to the other one.
 _SAME_PLACE_PX = 3.0
 
-#: A picture contradicts the others if its residual is more than this many times the median. By noise alone
-#: the residuals of twenty points and more are within a third of each other; sharpness differs more than that.
-_BAD = 3.0
+#: A picture contradicts the others if its residual is more than this many times the median, and more than
+#: this many pixels: beside very sharp pictures the corners of a distant board have three times the residual.
+_BAD, _LEAST_BAD_PX = 3.0, 0.3
 
 #: Angle within which boards count as parallel [deg]. Parallel boards do not tell the focal length (Zhang,
 #: section 3.4); near to that it is known by the noise alone, which feigns angles of some degrees.
@@ -150,20 +150,25 @@ def calibrate_camera(
         )
     credible = _as_good_as_the_best(usable)
     chosen = min(credible)
+    # Where a lens that nobody can use shows held-out boards better, the chosen one has errors that no other
+    # usable one tells of.
+    of_all = _as_good_as_the_best({n: trial.errors for n, trial in tried.items()})
+    refused = [] if chosen in of_all else [n for n in of_all if tried[n].wrong]
     fit, spread = tried[chosen].fit, np.array([f.entries for f in tried[chosen].partial])
     fitted = tuple(_fitted(view, fit.K, fit.lens, i in used) for i, view in enumerate(views))
     _refuse_parallel([view for view in fitted if view.used])
-    models = tuple(LensModel(n, float(np.sqrt(t.errors.mean())), bool(t.wrong)) for n, t in tried.items())
+    models = {n: LensModel(n, float(np.sqrt(t.errors.mean())), bool(t.wrong)) for n, t in tried.items()}
     jackknife = np.sqrt((len(spread) - 1) * spread.var(axis=0))
     # What the chosen model leaves out shifts the rest: the principal point, where p1 and p2 are left out.
-    shift = np.abs([tried[n].fit.entries - fit.entries for n in credible]).max(axis=0)
+    shift = np.abs([tried[n].fit.entries - fit.entries for n in (*credible, *refused)]).max(axis=0)
     sigma = np.hypot(np.maximum(jackknife, fit.sigma), np.where(fit.sigma > 0.0, shift, 0.0))
     return CameraCalibration(
         told=_specification(fit, size),
         sigma=dict(zip(ENTRIES, sigma.tolist(), strict=True)),
         noise_sigma=dict(zip(ENTRIES, fit.sigma.tolist(), strict=True)),
-        model=next(m for m in models if m.free == chosen),
-        models=models if free is None else (),
+        model=models[chosen],
+        models=tuple(models.values()) if free is None else (),
+        refused=models[min(refused)] if refused else None,
         views=fitted,
     )
 
@@ -192,18 +197,27 @@ def _fit(views: Sequence[BoardView], size: tuple[int, int], free: int) -> _Fit:
 
 
 def _places(views: Sequence[BoardView]) -> NDArray[np.int64]:
-    """Return the number of the place of each board, shape (N,): that of an earlier one that is seen there."""
+    """Return the number of the place of each board, shape (N,): it is seen where the first one there was.
+
+    The first one, not any: a board that moves slowly is near to where it was a picture ago, all the way.
+    """
+    firsts: list[dict[bytes, Array]] = []
     places: list[int] = []
-    for i, view in enumerate(views):
-        alike = (places[k] for k in range(i) if _in_one_place(view.points, views[k].points))
-        places.append(next(alike, max(places, default=-1) + 1))
+    for view in views:
+        seen = {p.tobytes(): c for p, c in zip(view.points.points_B, view.points.corners, strict=True)}
+        place = next((k for k, first in enumerate(firsts) if _in_one_place(seen, first)), len(firsts))
+        if place == len(firsts):
+            firsts.append(seen)
+        places.append(place)
     return np.array(places, dtype=np.int64)
 
 
-def _in_one_place(points: BoardPoints, others: BoardPoints) -> bool:
-    if not np.array_equal(points.points_B, others.points_B):
+def _in_one_place(seen: Mapping[bytes, Array], first: Mapping[bytes, Array]) -> bool:
+    """Return whether corners by their points are those of a board in one place; some may be missing."""
+    apart = np.array([seen[point] - first[point] for point in seen.keys() & first.keys()])
+    if 2 * len(apart) < min(len(seen), len(first)):
         return False
-    return float(np.mean((points.corners - others.corners) ** 2)) < 0.5 * _SAME_PLACE_PX**2
+    return float(np.mean(apart**2)) < 0.5 * _SAME_PLACE_PX**2
 
 
 def _consistent(views: Sequence[BoardView], size: tuple[int, int], free: int) -> list[int]:
@@ -212,7 +226,8 @@ def _consistent(views: Sequence[BoardView], size: tuple[int, int], free: int) ->
     while True:
         residuals = _fit([views[i] for i in used], size, free).residuals_px
         worst = int(residuals.argmax())
-        if len(used) == FEWEST_PICTURES or residuals[worst] <= _BAD * np.median(residuals):
+        most = max(_BAD * float(np.median(residuals)), _LEAST_BAD_PX)
+        if len(used) == FEWEST_PICTURES or residuals[worst] <= most:
             return used
         del used[worst]
 

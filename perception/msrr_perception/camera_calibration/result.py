@@ -63,11 +63,14 @@ class CameraCalibration:
         told: The calibration as scenes take it.
         sigma: Standard deviation of each of :data:`ENTRIES`; 0 for coefficients that are not free. It is that
             of the jackknife over pictures, or that of independent noise where this is larger, together with
-            the largest difference to a model that shows pictures that were held out as well as the best one.
+            the largest difference to a model that shows pictures that were held out as well as the best one,
+            or better but folds.
         noise_sigma: The same as OpenCV states it, as if the residuals of all points were independent.
         model: The model of the lens.
         models: All models that were tried; empty if the number of coefficients was given.
         views: The boards, in the order of the pictures.
+        refused: A model that shows pictures that were held out better than the chosen one by more than chance
+            explains, but folds; None without one.
     """
 
     told: CalibrationSpec
@@ -76,6 +79,7 @@ class CameraCalibration:
     model: LensModel
     models: tuple[LensModel, ...]
     views: tuple[FittedView, ...]
+    refused: LensModel | None = None
 
     @property
     def rms_px(self) -> float:

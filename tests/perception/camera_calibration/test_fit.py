@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -21,6 +23,8 @@ from msrr_perception.camera_calibration.result import ENTRIES, CameraCalibration
 from msrr_perception.photographs.picture_files import picture_files, read_picture
 from msrr_scenes.geometry.distortion import COEFFICIENTS, Distortion
 from msrr_scenes.geometry.lens import Lens
+from msrr_scenes.geometry.pinhole import PinholeCamera
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.loading.calibration_file import read_calibration, write_calibration
 
 #: What the conftest of this folder makes: a camera, and prints by their names.
@@ -166,6 +170,65 @@ def test_a_picture_that_was_taken_five_times_counts_once(camera: Camera, printed
     assert copied.model.held_out_px == pytest.approx(once.model.held_out_px, rel=0.01)
     for name in ("fx_px", "cx_px", "cy_px", "k1"):
         assert copied.sigma[name] > 0.9 * once.sigma[name]
+
+
+def test_pictures_of_one_place_are_held_out_together_where_corners_are_missing(
+    camera: Camera, printed: Printed
+) -> None:
+    """What all pictures of a place share is no noise: each of them alone would make it seem known."""
+    whole, partly, rng = list[BoardView](), list[BoardView](), np.random.default_rng(3)
+    for view in seen(camera.lens, camera, printed, 6, 0.5):
+        for k in range(5):
+            corners = view.points.corners + rng.normal(0.0, 0.05, (35, 2))
+            shown = np.sort(rng.permutation(35)[: 35 - k % 3])
+            whole.append(BoardView(f"{view.name}.{k}", BoardPoints(view.points.points_B, corners)))
+            points = BoardPoints(view.points.points_B[shown], corners[shown])
+            partly.append(BoardView(f"{view.name}.{k}", points))
+    of_whole, of_part = (calibrate_camera(views, 400, 300, 1) for views in (whole, partly))
+    for name in ("fx_px", "cx_px", "cy_px", "k1"):
+        assert of_part.sigma[name] == pytest.approx(of_whole.sigma[name], rel=0.3), name
+    with pytest.raises(CalibrationError, match=r"10 pictures show the board in 2 place"):
+        calibrate_camera(partly[:10], 400, 300, 1)
+
+
+def test_a_board_that_moves_slowly_is_seen_in_many_places(camera: Camera, printed: Printed) -> None:
+    """Each picture is within 3 px of the one before: together they still determine a camera."""
+    board = printed("chessboard")
+    start, end = camera.poses(board.size, 2)
+    views = []
+    for share in np.linspace(0.0, 0.3, 36):
+        turn = cv2.Rodrigues(share * cv2.Rodrigues(end.R @ start.R.T)[0])[0]
+        X_CB = SE3(np.asarray(turn, dtype=np.float64) @ start.R, (1.0 - share) * start.p + share * end.p)
+        shown = camera.lens.distorted(camera.lens.camera.project(X_CB.act(board.points)))
+        views.append(BoardView(f"{share}", BoardPoints(board.points, shown)))
+    steps = [np.abs(b.points.corners - a.points.corners).max() for a, b in itertools.pairwise(views)]
+    assert max(steps) < 3.0
+    assert calibrate_camera(views, 400, 300, 2).told.fx_px == pytest.approx(330.0, abs=1.0)
+
+
+def test_a_better_lens_that_folds_counts_in_sigma(camera: Camera, printed: Printed) -> None:
+    """A lens of equal angles in equal steps is wider than the model: five coefficients fold the picture."""
+    board, views, rng = printed("chessboard"), list[BoardView](), np.random.default_rng(1)
+    wide = replace(camera, lens=Lens(PinholeCamera(400, 300, 150.0, (0.0, 0.0))), seed=1)
+    for i, X_CB in enumerate(wide.poses(board.size, 10)):
+        p = X_CB.act(board.points)
+        aside = np.hypot(p[:, 0], p[:, 1])
+        radius = 199.5 * np.arctan2(aside, p[:, 2]) / aside
+        corners = p[:, :2] * radius[:, np.newaxis] + [199.5, 149.5]
+        views.append(BoardView(str(i), BoardPoints(board.points, corners + rng.normal(0.0, 0.01, (35, 2)))))
+    found = calibrate_camera(views, 400, 300)
+    assert found.refused is not None
+    assert found.refused.folds
+    assert found.refused.held_out_px < found.model.held_out_px
+    assert abs(found.told.fx_px - 199.5) < 2.0 * found.sigma["fx_px"]
+    assert found.sigma["fx_px"] > 2.0 * found.noise_sigma["fx_px"]
+
+
+def test_a_sharp_picture_is_kept_beside_sharper_ones(camera: Camera, printed: Printed) -> None:
+    views, rng = seen(camera.lens, camera, printed, 8, 0.03), np.random.default_rng(5)
+    corners = views[3].points.corners + rng.normal(0.0, 0.12, (35, 2))
+    views[3] = replace(views[3], points=replace(views[3].points, corners=corners))
+    assert all(view.used for view in calibrate_camera(views, 400, 300, 2).views)
 
 
 def test_a_camera_of_many_pixels_is_calibrated(camera: Camera, printed: Printed, tmp_path: Path) -> None:
