@@ -5,6 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 DEV := $(VENV)/.dev
+SITE := $(VENV)/.site
 JOBS ?= 2
 # One process is one core: the pools of BLAS and OpenCV only get in each other's way.
 export OMP_NUM_THREADS := 1
@@ -24,6 +25,11 @@ $(STAMP): pyproject.toml constraints.txt
 $(DEV): $(STAMP)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --group dev --editable ".[gym]"
 	touch $(DEV)
+
+# What the documentation site needs besides.
+$(SITE): $(DEV)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[docs]"
+	touch $(SITE)
 
 demo: $(STAMP)
 	$(BIN)/msrr dock two_units --seed 1 --out runs/demo
@@ -54,8 +60,7 @@ check: $(DEV)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-docs: $(DEV)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[docs]"
+docs: $(SITE)
 	$(BIN)/python docs/site/make_site.py
 	$(BIN)/zensical build --strict
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import sys
 from functools import lru_cache
 from pathlib import Path
 
 from msrr_bullet.trial.versions import package_versions
+from msrr_scenes.errors import SceneError
 from msrr_scenes.file_cache import FileCache
 from msrr_scenes.own_modules import PACKAGES, digest_of, module_file
 from msrr_scenes.registry import choices, is_import_path
@@ -26,10 +28,29 @@ def code_fingerprint(scene: Scene, *, imported: bool = False, own: bytes | None 
     """
     digest = hashlib.blake2b(digest_size=12)
     digest.update(_as_first_asked() if imported else own or own_code())
-    for module in sorted({c.name.partition(":")[0] for c in choices(scene) if is_import_path(c)}):
+    for module in _own_modules(scene):
         digest.update(module.encode())
         digest.update(digest_of(module, imported=imported))
     return digest.hexdigest()
+
+
+def check_files(scene: Scene) -> None:
+    """Refuse an implementation of which there is no file, so that it could not be told from an edited one.
+
+    Raises:
+        SceneError: A module that this process has, such as the cells of a notebook, has none.
+    """
+    for module in _own_modules(scene):
+        if module in sys.modules and module_file(module) is None:
+            raise SceneError(
+                f"a class of {module!r} has no file, as one in a cell of a notebook, so that a store could "
+                "not tell its results from those after an edit; write it to a file, or leave out the store"
+            )
+
+
+def _own_modules(scene: Scene) -> list[str]:
+    """Return the modules of the implementations that a scene names by import path."""
+    return sorted({c.name.partition(":")[0] for c in choices(scene) if is_import_path(c)})
 
 
 @lru_cache(maxsize=1)

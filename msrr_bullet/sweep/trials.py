@@ -15,7 +15,7 @@ from pathlib import Path
 
 from msrr_bullet.seeds import checked_seed
 from msrr_bullet.sensors.preparation import prepare_cameras
-from msrr_bullet.sweep.provenance import code_fingerprint, own_code
+from msrr_bullet.sweep.provenance import check_files, code_fingerprint, own_code
 from msrr_bullet.sweep.remote_trial import local_trial, remote_trial
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_store import TrialStore
@@ -109,6 +109,8 @@ class _WantedTrials:
 
         ``runs_here`` is whether missing trials are run on this machine, so that what they read is prepared.
         """
+        if self._store is not None:
+            check_files(scene)
         digest, code = scene_hash(scene), code_fingerprint(scene, own=self._own)
         self.codes[digest] = code
         new = [seed for seed in dict.fromkeys(map(checked_seed, seeds)) if (digest, seed) not in self._asked]

@@ -50,7 +50,7 @@ def import_own(module_name: str) -> ModuleType:
         digest = digest_of(module_name)
         module = importlib.import_module(module_name)
     before = _imported.get(module_name)
-    if before is None or before.spec is not module.__spec__:
+    if before is None or before.spec is not module.__spec__ or module.__spec__ is None:  # None: run as it is
         _imported[module_name] = _Imported(module.__spec__, digest)
     elif before.digest != digest:
         raise ChangedFileError(
@@ -116,15 +116,19 @@ def current_folder_importable() -> Iterator[None]:
 
 
 def _files_of(module: str) -> list[Path]:
-    """Return the file of a module and those of its own kind that it imports, directly or not."""
-    file = module_file(module)
+    """Return the file of a module and those of its own kind that it imports, directly or not.
+
+    Of a module in an archive it is the archive, which nobody looks into.
+    """
+    file, module = module_file(module), _name_in_files(module)
     if file is None:
         return []
+    if not file.is_file():
+        return [parent for parent in file.parents if parent.is_file()][:1]
     root = file.parents[module.count(".") + (file.name == "__init__.py")]
     package = module.partition(".")[0]
     installed = str(root) in map(sysconfig.get_path, ("purelib", "platlib", "stdlib"))
-    found: set[Path] = set()
-    waiting = {module}
+    found, waiting = {file}, {*_imports(file, _package(file, module))}
     while waiting:
         name = waiting.pop()
         top = name.partition(".")[0]
@@ -133,8 +137,22 @@ def _files_of(module: str) -> list[Path]:
         if source is None or source in found or top in PACKAGES or (installed and top != package):
             continue
         found.add(source)
-        waiting |= _imports(source, name if source.name == "__init__.py" else name.rpartition(".")[0])
+        waiting |= _imports(source, _package(source, name))
     return sorted(found)
+
+
+def _package(file: Path, module: str) -> str:
+    """Return the package from which the relative imports of a module go."""
+    return module if file.name == "__init__.py" else module.rpartition(".")[0]
+
+
+def _name_in_files(module: str) -> str:
+    """Return the name by which files are found: for ``__main__`` that of the program's module or file."""
+    if module != "__main__":
+        return module
+    spec = sys.modules[module].__spec__  # None of a file that is run as it is
+    file = module_file(module)
+    return spec.name if spec is not None else "" if file is None else file.stem
 
 
 def _read_imports(source: Path, package: str) -> set[str]:
@@ -161,6 +179,9 @@ _imports = FileCache(lambda source, package: (_read_imports(source, package), [s
 
 def module_file(module: str) -> Path | None:
     """Return the file of a module; None when there is none, an error that building the trial reports."""
+    if module == "__main__":
+        file = getattr(sys.modules[module], "__file__", None)  # none of a notebook's cell
+        return None if file is None else Path(file)
     try:
         with current_folder_importable():
             spec = importlib.util.find_spec(module)

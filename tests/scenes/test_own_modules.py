@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -73,3 +75,40 @@ def test_one_of_another_folder_is_refused(
         ChangedFileError, match=rf"is {other}/edited_own\.py here, and .* {folder}/edited_own"
     ):
         import_own("edited_own")
+
+
+def test_the_file_of_a_program_is_that_of_its_classes(tmp_path: Path) -> None:
+    """A class is named ``__main__:Law`` there; what the program imports counts as well."""
+    program, gains = tmp_path / "study.py", tmp_path / "study_gains.py"
+    program.write_text(
+        "import study_gains\nfrom msrr_scenes.own_modules import digest_of\n"
+        "if __name__ == '__main__': print(digest_of('__main__').hex())\n"
+    )
+    digests = set()
+    for arguments in ([str(program)], ["-m", "study"]):
+        for gain in (1, 20):
+            gains.write_text(f"GAIN = {gain}\n")
+            digests.add((arguments[0], printed_by(arguments, tmp_path)))
+        program.write_text(program.read_text() + "# edited\n")
+        digests.add((arguments[0], printed_by(arguments, tmp_path)))
+    assert len(digests) == 6
+    assert len({digest for _, digest in digests}) >= 4
+
+
+def printed_by(arguments: list[str], folder: Path) -> str:
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=folder, check=True, capture_output=True, text=True
+    ).stdout
+
+
+def test_a_module_in_an_archive_has_that_for_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    archive, digests = tmp_path / "laws.zip", set()
+    monkeypatch.syspath_prepend(archive)
+    for gain in (1, 2):
+        with zipfile.ZipFile(archive, "w") as file:
+            file.writestr("packed_law.py", f"class Law: gain = {gain}\n")
+        importlib.invalidate_caches()
+        digests.add(digest_of("packed_law"))
+    assert len(digests | {digest_of("no_such_module")}) == 3

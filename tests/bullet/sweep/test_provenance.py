@@ -1,13 +1,16 @@
 """The fingerprint of the code covers what a scene names by import path."""
 
+import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 from msrr_bullet.sweep.provenance import code_fingerprint
+from msrr_bullet.sweep.trials import run_trials
 from msrr_bullet.trial.check import check_trial
 from msrr_scenes import load_scene
-from msrr_scenes.errors import ChangedFileError
+from msrr_scenes.errors import ChangedFileError, SceneError
 from msrr_scenes.own_modules import import_own
 
 
@@ -65,3 +68,13 @@ def test_what_it_imports_from_its_folder_counts_and_nothing_else(
         assert (code_fingerprint(scene) != before) is ("unused" not in name), name
     (tmp_path / "gains.py").write_text("GAIN = (\n")
     assert code_fingerprint(scene) == code_fingerprint(scene)  # the trial reports the mistake
+
+
+def test_a_store_refuses_a_class_that_has_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As one of a cell of a notebook: its results would have been taken for those of an edited one."""
+    cell = ModuleType("__main__")
+    cell.__dict__["Law"] = object
+    monkeypatch.setitem(sys.modules, "__main__", cell)
+    scene = load_scene("close_range", {"control.docking": "__main__:Law"})
+    with pytest.raises(SceneError, match=r"class of '__main__' has no file.*write it to a file, or"):
+        run_trials([(scene, [0])], store=tmp_path / "s.sqlite")
