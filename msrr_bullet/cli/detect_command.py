@@ -225,31 +225,29 @@ def _summary(work: _Work) -> str:
 
 
 def _report(work: _Work) -> dict[str, Any]:
-    from msrr_perception.photographs.reading import corner_sigma_px
-    from msrr_perception.photographs.tag_poses import CORNER_SIGMA_PX
+    from msrr_perception.photographs.reading import corner_sigma_px, covariance_factor
 
-    sigma = corner_sigma_px(work.pictures)
-    scale = (sigma / CORNER_SIGMA_PX) ** 2
+    factor = covariance_factor(work.pictures)
     images = [
         {
             "file": picture.name,
             "width": picture.width,
             "height": picture.height,
-            "detections": [_detection(found, poses, scale) for found, poses in picture.tags],
+            "detections": [_detection(found, poses, factor) for found, poses in picture.tags],
         }
         for picture in work.pictures
     ]
     count = max(len(work.pictures), 1)
     return {
-        "corner_sigma_px": sigma,
+        "corner_sigma_px": corner_sigma_px(work.pictures),
         "ms_per_picture": 1e3 * work.own_s / count,
         "library_ms_per_picture": 1e3 * work.library_s / count,
         "images": images,
     }
 
 
-def _detection(found: FoundTag, poses: Sequence[TagPose], scale: float) -> dict[str, Any]:
-    """Return a tag as JSON; ``scale`` is what the covariances are multiplied by."""
+def _detection(found: FoundTag, poses: Sequence[TagPose], factor: float) -> dict[str, Any]:
+    """Return a tag as JSON; ``factor`` is what the covariances are multiplied by."""
     tag = found.tag
     return {
         "tag_id": tag.tag_id,
@@ -266,7 +264,7 @@ def _detection(found: FoundTag, poses: Sequence[TagPose], scale: float) -> dict[
                 "p_CT_m": pose.X_CT.p.tolist(),
                 "yaw_deg": _yaw_deg(pose),
                 "reprojection_px": pose.reprojection_px,
-                "covariance": (scale * pose.covariance).tolist(),
+                "covariance": (factor * pose.covariance).tolist(),
             }
             for pose in poses
         ],

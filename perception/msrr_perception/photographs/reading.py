@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from msrr_perception.photographs.picture_files import PictureError
 from msrr_perception.photographs.tag_finder import FoundTag, TagFinder
@@ -112,11 +113,26 @@ class PictureReader:
 def corner_sigma_px(pictures: Sequence[PictureTags]) -> float:
     """Return the standard deviation of the corners, as the residuals of all best poses together show it [px].
 
-    A calibration that is wrong and tags that are not flat count as well. It is never less than what the
-    corners of photographs were measured to have, :data:`CORNER_SIGMA_PX`, by which covariances are computed.
+    A calibration that is wrong and tags that are not flat count as well; a few tags that were read wrongly do
+    not. It is never less than what the corners of photographs were measured to have,
+    :data:`CORNER_SIGMA_PX`.
     """
-    best = [poses[0].reprojection_px for picture in pictures for _, poses in picture.tags if poses]
-    if not best:
-        return CORNER_SIGMA_PX
-    squares = sum(8.0 * rms * rms for rms in best)
-    return max(CORNER_SIGMA_PX, math.sqrt(squares / (_FREE * len(best))))
+    squares = [8.0 * pose.reprojection_px**2 for pose in _best(pictures)]
+    return max(CORNER_SIGMA_PX, math.sqrt(_typical(squares)))
+
+
+def covariance_factor(pictures: Sequence[PictureTags]) -> float:
+    """Return by how much the covariances of the poses are too small, as all best poses together show it.
+
+    It is 1 where the residuals are no larger than the standard deviations of the corners let expect.
+    """
+    return max(1.0, _typical([pose.misfit for pose in _best(pictures)]))
+
+
+def _best(pictures: Sequence[PictureTags]) -> list[TagPose]:
+    return [poses[0] for picture in pictures for _, poses in picture.tags if poses]
+
+
+def _typical(squares: Sequence[float]) -> float:
+    """Return the variance of residuals by the median of the sums of their squares; 0 of none."""
+    return float(np.median(squares) / chi2.median(_FREE)) if squares else 0.0

@@ -33,12 +33,15 @@ class TagPose:
     Attributes:
         X_CT: Pose of the tag T in the camera C: x of T points to the right of the tag, y down, z into it.
         reprojection_px: Root mean square of the eight residuals of the corners in the picture [px].
+        misfit: Sum of the squares of these residuals over those of the corners' standard deviations; with
+            such noise it has a chi-square distribution of two degrees of freedom.
         covariance: Of a small rotation about the axes of C [rad] and of the place in C [m], shape (6, 6), by
             the noise of the corners to first order.
     """
 
     X_CT: SE3
     reprojection_px: float
+    misfit: float
     covariance: Array
 
 
@@ -105,9 +108,15 @@ def _least_squares(seen: _Corners, start: SE3, sigma_px: Array | float) -> TagPo
     residuals, J = _residuals(seen, R, t)
     if t[2] <= 0.0 or not np.isfinite(residuals).all() or np.linalg.matrix_rank(J) < J.shape[1]:
         return None
-    by_corners = np.linalg.solve(J.T @ J, J.T) * np.repeat(np.broadcast_to(sigma_px, 4), 2)
+    sigma = np.repeat(np.broadcast_to(sigma_px, 4), 2)
+    by_corners = np.linalg.solve(J.T @ J, J.T) * sigma
     covariance = by_corners @ by_corners.T
-    return TagPose(SE3(R, t), float(np.sqrt((residuals**2).mean())), 0.5 * (covariance + covariance.T))
+    return TagPose(
+        X_CT=SE3(R, t),
+        reprojection_px=float(np.sqrt((residuals**2).mean())),
+        misfit=float(((residuals / sigma) ** 2).sum()),
+        covariance=0.5 * (covariance + covariance.T),
+    )
 
 
 def _residuals(seen: _Corners, R: Array, t: Array) -> tuple[Array, Array]:
