@@ -117,6 +117,12 @@ def _report(console: Console, found: TagMap, notes: Iterable[str]) -> None:
         typer.echo(note)
     for left_out in found.left_out:
         typer.echo(_explained(left_out))
+    for tag_id, tag in found.tags.items():
+        if tag.may_be_turned is not None:
+            typer.echo(
+                f"tag {tag_id} may be turned by {math.degrees(tag.may_be_turned):.0f} degrees instead: the "
+                "pictures show it nearly as well there; take some from other sides, or from nearer"
+            )
     if found.unconnected:
         typer.echo(f"not connected with the map by any tag: {', '.join(found.unconnected)}")
     if found.lens_sigma:

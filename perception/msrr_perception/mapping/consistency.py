@@ -12,7 +12,7 @@ say that it is elsewhere, or of another size.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.stats import chi2, norm
+from scipy.stats import f as f_distribution
 
 from msrr_perception.mapping.adjustment import Adjusted, AdjustmentError, adjust, adjust_robustly
 from msrr_perception.mapping.bundle import Bundle, Sightings
 from msrr_perception.mapping.group_tests import Group, GroupTest, GroupTests, Kind, Usual, quantile_outside
-from msrr_perception.mapping.initial_map import alternatives
+from msrr_perception.mapping.initial_map import OTHER_RAD, alternatives
 
 #: Probability that anything of a map without contradictions is left out.
 FALSE_ALARMS = 0.01
@@ -41,6 +42,10 @@ _MANY: tuple[Kind, ...] = ("tag", "picture")
 
 #: Relative gain of the residuals for which a pose is turned over; less is rounding.
 _LEAST_GAIN = 1e-6
+
+#: Probability with which the sum of squares at the true one of two poses is as much above that at the other
+#: one, below which only that other one is taken to be possible.
+_ALIKE = 0.0005
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +73,14 @@ class Consistent:
         adjusted: The adjustment.
         kept: Which sightings it is of, shape (N,).
         contradictions: What was left out, the worst first.
+        may_be_turned: Largest angle [rad] by which each tag is turned, by its index, in maps with another of
+            the two poses of a flat tag or of a view, that show what was detected nearly as well.
     """
 
     adjusted: Adjusted
     kept: NDArray[np.bool_]
     contradictions: tuple[Contradiction, ...]
+    may_be_turned: Mapping[int, float]
 
 
 def adjust_consistently(bundle: Bundle, seen: Sightings) -> Consistent:
@@ -89,13 +97,13 @@ def adjust_consistently(bundle: Bundle, seen: Sightings) -> Consistent:
         kept = largest_connected(seen, kept)
         part = seen.of(kept)
         found = adjust(bundle.referred_to(most_seen_tag(part)), part)
-        turned = _turned_over(found, part)
-        if turned is not None:
-            bundle = turned
+        better, alike = _turned_over(found, part)
+        if better is not None:
+            bundle = better
             continue
         worst = _worst(found, part)
         if not worst:
-            return Consistent(found, kept, tuple(contradictions))
+            return Consistent(found, kept, tuple(contradictions), _angles(found.bundle, alike))
         of_all = np.flatnonzero(kept)
         for one in worst:
             members = of_all[one.group.members]
@@ -150,16 +158,35 @@ def _as_wholes(
     return contradictions
 
 
-def _turned_over(found: Adjusted, seen: Sightings) -> Bundle | None:
-    """Return a better map in which one tag or one view has the other pose of a flat tag, if there is one."""
+def _turned_over(found: Adjusted, seen: Sightings) -> tuple[Bundle | None, list[Bundle]]:
+    """Return a better map in which one tag or one view has the other pose of a flat tag, if there is one.
+
+    With it come those that are nearly as good, all of them where none is better.
+    """
+    alike: list[Bundle] = []
+    limit = found.sigma_px**2 * float(f_distribution.isf(_ALIKE, 1, max(found.redundancy, 1)))
     for bundle in alternatives(found.bundle, seen, np.unique(seen.view), np.unique(seen.tag)):
         try:
             tried = adjust(adjust_robustly(bundle, seen).referred_to(found.bundle.reference), seen)
         except AdjustmentError:  # turned over, the map falls apart: the pose was right
             continue
         if tried.sigma_px < (1.0 - _LEAST_GAIN) * found.sigma_px:
-            return tried.bundle
-    return None
+            return tried.bundle, alike
+        if tried.residuals @ tried.residuals - found.residuals @ found.residuals < limit:
+            alike.append(tried.bundle)
+    return None, alike
+
+
+def _angles(bundle: Bundle, others: Sequence[Bundle]) -> dict[int, float]:
+    """Return the largest angle [rad] by which other maps turn each tag, where they turn it over."""
+    angles = dict[int, float]()
+    for tag in range(bundle.tags):
+        for other in others:
+            cosine = 0.5 * (float((bundle.R_MT[tag] * other.R_MT[tag]).sum()) - 1.0)
+            angle = math.acos(min(max(cosine, -1.0), 1.0))
+            if angle > max(OTHER_RAD, angles.get(tag, 0.0)):
+                angles[tag] = angle
+    return angles
 
 
 def most_seen_tag(seen: Sightings) -> int:

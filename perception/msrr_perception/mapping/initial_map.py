@@ -26,7 +26,7 @@ from msrr_scenes.geometry.unit_geometry import tag_corners
 _FAR_PX = 20.0
 
 #: Rotation from which on a pose is another one of the two that a tag allows, and not a better one [rad].
-_OTHER_RAD = math.radians(8.0)
+OTHER_RAD = math.radians(8.0)
 
 #: Mean distance of corners up to which another pose is worth an adjustment [px]: where the two poses of a tag
 #: can be taken for each other, its corners are at nearly the same pixels in both.
@@ -94,7 +94,7 @@ def _pose(w: cv2.typing.MatLike, p: cv2.typing.MatLike) -> Array:
 def _turned(poses: Array, X: Array) -> NDArray[np.bool_]:
     """Return which of some poses, shape (K, 4, 4), are turned against one, shape (4, 4)."""
     cosine = 0.5 * (np.einsum("kij,ij->k", poses[:, :3, :3], X[:3, :3]) - 1.0)
-    return np.asarray(cosine < math.cos(_OTHER_RAD))
+    return np.asarray(cosine < math.cos(OTHER_RAD))
 
 
 class _Guess:

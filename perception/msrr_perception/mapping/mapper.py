@@ -49,11 +49,14 @@ class MappedTag:
         covariance: Covariance of place [m] and rotation [rad] about the axes of M, against the reference,
             shape (6, 6). The size of the tags, and a lens that is not refined, are taken to be exact.
         pictures: Number of pictures that tell of it.
+        may_be_turned: Angle by which it may be turned as well [rad], which the covariance does not count: the
+            pictures show a flat tag there nearly as they show it here. None if they tell which is right.
     """
 
     X_MT: SE3
     covariance: Array
     pictures: int
+    may_be_turned: float | None = None
 
     @property
     def sigma_m(self) -> float:
@@ -209,7 +212,7 @@ def _summary(
 ) -> TagMap:
     adjusted, kept = consistent.adjusted, consistent.kept
     bundle = adjusted.bundle
-    tags = {ids[tag]: _mapped_tag(adjusted, seen.of(kept), tag) for tag in np.unique(seen.tag[kept])}
+    tags = {ids[tag]: _mapped_tag(consistent, seen.of(kept), tag) for tag in np.unique(seen.tag[kept])}
     sightings = _mapped_sightings(bundle, seen, kept, names, ids)
     return TagMap(
         reference=ids[bundle.reference],
@@ -225,12 +228,13 @@ def _summary(
     )
 
 
-def _mapped_tag(adjusted: Adjusted, kept: Sightings, tag: int) -> MappedTag:
-    bundle = adjusted.bundle
+def _mapped_tag(consistent: Consistent, kept: Sightings, tag: int) -> MappedTag:
+    adjusted, bundle = consistent.adjusted, consistent.adjusted.bundle
     covariance = np.zeros((6, 6))
     if tag != bundle.reference:
         covariance = adjusted.sigma_px**2 * adjusted.cofactors(bundle.tag_columns[tag] + _ROS_ORDER)
-    return MappedTag(bundle.X_MT(tag), covariance, int((kept.tag == tag).sum()))
+    pictures, angle = int((kept.tag == tag).sum()), consistent.may_be_turned.get(int(tag))
+    return MappedTag(bundle.X_MT(tag), covariance, pictures, angle)
 
 
 def _mapped_sightings(

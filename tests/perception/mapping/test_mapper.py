@@ -318,6 +318,24 @@ def test_a_pose_that_is_turned_over_is_turned_back() -> None:
             assert found.adjusted.sigma_px == pytest.approx(right.sigma_px, rel=1e-6)
 
 
+def test_a_tag_of_which_two_poses_are_possible_says_so() -> None:
+    """It is seen once, from afar: in two of these maps it is wrong by more than noise, and in one right."""
+    wrong = 0
+    for seed in (0, 1, 7):
+        rng = np.random.default_rng(seed)
+        tags = wall(rng)
+        many = photographed(tags, rng)
+        far = photographed(tags, rng, views=1, away=3.5, about=0.3)[0]
+        pictures = [replace(p, tags=tuple(t for t in p.tags if t.tag_id != 2)) for p in many]
+        found = map_tags([*pictures, replace(far, name="far")], LENS, TAG_SIZE)
+        assert all(tag.may_be_turned is None for tag_id, tag in found.tags.items() if tag_id != 2)
+        X_MT = tags[found.reference].inverse() @ tags[2]
+        turn = cv2.Rodrigues(X_MT.R @ found.tags[2].X_MT.R.T)[0]
+        wrong += np.linalg.norm(turn) > 4.0 * found.tags[2].sigma_rad
+        assert found.tags[2].may_be_turned is not None
+    assert wrong == 2
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("seed", range(20))
 def test_neither_order_nor_names_matter(seed: int) -> None:
