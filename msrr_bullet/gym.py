@@ -184,6 +184,9 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
             UnknownNameError: No shipped scene has this name.
         """
         chosen = next((key for key in overrides if f"{key}.".startswith(f"{_CONTROLLER}.")), None)
+        whole = overrides.get("control")
+        if isinstance(whole, Mapping) and "docking" in whole:
+            chosen = "control"
         if chosen is not None:
             raise SceneError(f"override {chosen}: the agent is the docking controller here; leave this out")
         loaded = load_scene(scene, overrides)

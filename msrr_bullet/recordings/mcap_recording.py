@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +39,8 @@ IMAGES = (
 )
 CALIBRATIONS = ("foxglove.CameraCalibration", "sensor_msgs/msg/CameraInfo")
 
-#: Names of images that were rectified: ``image_rect``, ``image_rect_color``, ``image_rect_raw``.
-_RECTIFIED = re.compile(r"image_rect(_.*)?")
+#: Names of images that were rectified: ``image_rect``, ``image_rect_color``, ``image_rectified``.
+_RECTIFIED = re.compile(r"image_rect(ified)?(_.*)?")
 
 #: Name of no topic, by which odometry is left out.
 NONE = "none"
@@ -78,9 +78,10 @@ def open_mcap(
     if image_topic is None:
         found = ", ".join(sorted(set(schemas.values()))) or "nothing"
         raise RecordingError(f"{path}: no images ({' or '.join(IMAGES)}); the file holds {found}")
+    calibrations = [t for t, schema in schemas.items() if schema in CALIBRATIONS]
     chosen = _Topics(
         image_topic,
-        _nearest(image_topic, [t for t, schema in schemas.items() if schema in CALIBRATIONS]),
+        _calibration_of(image_topic, calibrations),
         None if odometry == NONE else _chosen_odometry(path, schemas, odometry, joints is not None),
     )
     if next(iter(read_messages(path, [chosen.images])), None) is None:
@@ -93,12 +94,22 @@ def open_mcap(
     calibration = None
     if chosen.calibration is not None:
         calibration = partial(_read_calibration, path, chosen.calibration, _is_rectified(chosen.images))
+    elif calibrations:
+        calibration = partial(_refuse_others, path, image_topic, calibrations)
     source = f"{path}, {' and '.join(chosen.all())}"
     unread = ""
     if chosen.odometry is None and odometry != NONE and joints is None:
         unread = ", ".join(sorted(t for t, schema in schemas.items() if schema == JOINT_STATE))
         unread = unread and f"the joint states on {unread} are read if the target file has robot.wheel_joints"
-    return Recording(source, items, calibration, chosen.odometry is not None, start_ns, unread=unread)
+    return Recording(
+        source,
+        items,
+        calibration,
+        chosen.odometry is not None,
+        start_ns,
+        unread=unread,
+        calibrated_by=chosen.calibration or "",
+    )
 
 
 def _chosen(
@@ -108,6 +119,8 @@ def _chosen(
     known = sorted(topic for topic, schema in schemas.items() if schema in kinds)
     if named is not None and named not in known:
         text = f"{option} {named}: no such topic with {' or '.join(kinds)}"
+        if schemas.get(named) == JOINT_STATE:
+            text = f"{option} {named}: joint states are read if the target file has robot.wheel_joints"
         raise RecordingError(f"{path}: {text}; there are {', '.join(known) or 'none'}")
     if named is None and len(known) > 1:
         raise RecordingError(f"{path}: several topics; choose one of {', '.join(known)} by {option}")
@@ -141,14 +154,30 @@ def _check_wheels(path: Path, topic: str, reader: WheelReader) -> None:
     )
 
 
-def _nearest(topic: str, candidates: Sequence[str]) -> str | None:
-    """Return the topic of the calibration that shares most of its path with the images; None without one."""
+def _calibration_of(topic: str, candidates: Sequence[str]) -> str | None:
+    """Return the topic of the calibration that belongs to images; None without one, or where several may.
 
-    def shared(other: str) -> int:
-        pairs = zip(topic.split("/"), other.split("/"), strict=False)
-        return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+    Its folder holds the images, or lies beside them, and no other one is nearer: ``/camera/camera_info`` is
+    that of ``/camera/image_raw`` and of ``/camera/image_raw/compressed``.
+    """
+    folder = topic.split("/")[:-1]
 
-    return max(sorted(candidates), key=shared, default=None)
+    places = {other: other.split("/")[:-1] for other in candidates}
+    steps = {
+        other: abs(len(place) - len(folder))
+        for other, place in places.items()
+        if all(a == b for a, b in zip(place, folder, strict=False))
+    }
+    nearest = [other for other, count in steps.items() if count == min(steps.values())]
+    return nearest[0] if len(nearest) == 1 else None
+
+
+def _refuse_others(path: Path, topic: str, candidates: Sequence[str]) -> CalibrationSpec:
+    """Refuse calibrations of which none is by its name that of the images."""
+    raise RecordingError(
+        f"{path}: which of {', '.join(sorted(candidates))} is the calibration of {topic}, their names do not "
+        "tell; give --calibration FILE"
+    )
 
 
 def _items(path: Path, topics: _Topics, start_ns: int, wheels: Callable[[], WheelReader]) -> Iterator[Item]:
@@ -228,25 +257,31 @@ def _is_rectified(topic: str) -> bool:
 def _read_calibration(path: Path, topic: str, rectified: bool) -> CalibrationSpec:
     """Return the calibration of raw images, K and D, or that of rectified ones, which is in P.
 
+    It is that of the first message that has one.
+
     Raises:
         RecordingError: There is none, or one that cannot be used.
     """
-    found = next(iter(read_messages(path, [topic])), None)
-    name = f"{path}: {topic}"
+    which, name = "P" if rectified else "K", f"{path}: {topic}"
+    found = None
+    for found in read_messages(path, [topic]):  # the first ones may be of a driver that was not ready
+        with suppress(*DAMAGE):
+            if any(_field(found.message, which)):
+                break
     if found is None:
         raise RecordingError(f"{name}: no message; give --calibration FILE")
     message: Any = found.message
     try:
         size = int(message.width), int(message.height)
-        matrix = [float(number) for number in _field(message, "P" if rectified else "K")]
+        matrix = [float(number) for number in _field(message, which)]
         lens = [] if rectified else [float(number) for number in _field(message, "D")]
         model = "" if rectified else str(message.distortion_model)
         whole = _shows_all(message, size)
     except DAMAGE as error:
         raise RecordingError(f"{name}: not a {found.schema}: {error}") from None
     if not any(matrix):
-        which = "P, by which rectified images are read," if rectified else "K"
-        raise RecordingError(f"{name}: the camera is not calibrated: {which} is 0; give --calibration FILE")
+        text = "P, by which rectified images are read," if rectified else "K"
+        raise RecordingError(f"{name}: the camera is not calibrated: {text} is 0; give --calibration FILE")
     if not whole:
         raise RecordingError(f"{name}: of binned or cut pictures; give --calibration FILE for what they are")
     if rectified:

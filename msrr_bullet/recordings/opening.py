@@ -36,9 +36,10 @@ def open_recording(
     """
     if not path.exists():
         raise RecordingError(f"{path}: no such file or folder")
+    suffixes = [suffix.lower() for suffix in path.suffixes]
     if path.is_dir() and (path / LOG_NAME).is_file():
         path = path / LOG_NAME
-    elif _is_bag(path) or path.suffix.lower() == _SQLITE:
+    elif _is_bag(path) or _SQLITE in suffixes or (_MCAP in suffixes and suffixes[-1] != _MCAP):
         path = _mcap_of_bag(path)
     if path.suffix.lower() == _MCAP:
         if not path.stat().st_size:
@@ -62,8 +63,9 @@ def _is_bag(path: Path) -> bool:
     """Return whether a path is a bag of ROS 2; one whose recording was killed has no metadata."""
     if (path / _BAG).is_file():
         return True
-    suffixes = {file.suffix.lower() for file in path.iterdir()} if path.is_dir() else set()
-    return _MCAP in suffixes and suffixes.isdisjoint((*PICTURES, *FILMS))
+    files = list(path.iterdir()) if path.is_dir() else []
+    suffixes = {suffix.lower() for file in files for suffix in file.suffixes}
+    return not suffixes.isdisjoint((_MCAP, _SQLITE)) and suffixes.isdisjoint((*PICTURES, *FILMS))
 
 
 def _mcap_of_bag(path: Path) -> Path:
@@ -72,7 +74,7 @@ def _mcap_of_bag(path: Path) -> Path:
     Raises:
         RecordingError: It has several, or is of another format.
     """
-    files = list(path.glob(f"*{_MCAP}"))
+    files = [file for file in path.glob("*") if file.suffix.lower() == _MCAP]
     if len(files) != 1:
         raise RecordingError(
             f"{path}: a bag of ROS 2 is read if it is one MCAP file, not compressed as a whole; this one has "

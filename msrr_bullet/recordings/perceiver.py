@@ -22,10 +22,22 @@ from msrr_perception.motion.motion_noise import DEFAULT_NOISE, MotionNoise
 from msrr_perception.photographs.picture_files import PictureError
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.pinhole import Window
-from msrr_scenes.messages import Detections, Exposure, LosObservation, Pixels, PoseEstimate, WheelOdometry
+from msrr_scenes.messages import (
+    NS_PER_S,
+    Detections,
+    Exposure,
+    LosObservation,
+    Pixels,
+    PoseEstimate,
+    WheelOdometry,
+)
 from msrr_scenes.registry import build, resolve
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.target import ROBOT, RobotSpec
+
+#: Time without wheel readings after which a frame is exposed without any [ns]: the slowest encoders are read
+#: once a second.
+_SILENT_NS = 3 * NS_PER_S // 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,12 +80,18 @@ class Perceiver:
 
     ``report`` is called with the message about every picture that cannot be used. ``motion`` is assumed in
     the place of wheel readings; None if there are any.
+
+    Attributes:
+        without_wheels: Spans of time [ns] in which frames were exposed that no wheel readings are near to, so
+            that the robot was taken to stand. There are none if ``motion`` is assumed.
     """
 
     scene: Scene
     recorder: Recorder
     report: Callable[[str], None]
     motion: MotionNoise | None = None
+    without_wheels: list[tuple[int, int]] = field(default_factory=list, init=False)
+    _wheels_ns: int | None = field(default=None, init=False)
     _exposed_ns: int | None = field(default=None, init=False)
     _arriving: dict[int, Detections] = field(default_factory=dict, init=False)
 
@@ -122,6 +140,7 @@ class Perceiver:
                 reading = WheelOdometry(ROBOT, item.stamp_ns, item.left, item.right)
                 self.recorder.write(topics.sensor(ROBOT, reading), moment.at_ns, reading)
                 self._estimator.add_odometry(reading)
+                self._wheels_ns = item.stamp_ns
             elif isinstance(item, RecordedFrame) and moment.exposes:
                 self._expose(item)
             elif isinstance(item, RecordedFrame):
@@ -142,6 +161,7 @@ class Perceiver:
             self.report(str(error))
             return
         self._exposed_ns = frame.stamp_ns
+        self._look_for_wheels(frame.stamp_ns)
         exposure = Exposure(self.target.camera_name, frame.number, frame.stamp_ns)
         self.recorder.write(topics.exposure(exposure.camera), frame.stamp_ns, exposure)
 
@@ -152,6 +172,17 @@ class Perceiver:
 
         prediction = self._estimator.predict(frame.stamp_ns)
         self._arriving[frame.number] = self._vision.detect(exposure, prediction, fetch)
+
+    def _look_for_wheels(self, stamp_ns: int) -> None:
+        """Take a note of a frame that is exposed long after the last wheel reading, or before the first."""
+        since_ns = stamp_ns if self._wheels_ns is None else self._wheels_ns
+        if self.motion is not None or (self._wheels_ns is not None and stamp_ns - since_ns <= _SILENT_NS):
+            return
+        spans = self.without_wheels
+        if spans and (self._wheels_ns is None or spans[-1][0] == since_ns):
+            spans[-1] = spans[-1][0], stamp_ns
+        else:
+            spans.append((since_ns, stamp_ns))
 
     def _check_stamp(self, frame: RecordedFrame) -> None:
         """Refuse a frame that was exposed with the one before: it may be the same, with the same noise."""

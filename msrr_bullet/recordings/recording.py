@@ -69,6 +69,7 @@ class Recording:
         start_ns: Time on the clock of the recording that is 0 here.
         has_times: Whether it says itself when its frames were exposed.
         unread: What else it says of the wheels, and how that would be read; empty for nothing.
+        calibrated_by: Topic of the calibration; empty without one.
     """
 
     source: str
@@ -78,6 +79,7 @@ class Recording:
     start_ns: int = 0
     has_times: bool = True
     unread: str = ""
+    calibrated_by: str = ""
 
 
 @dataclass(frozen=True, slots=True, order=True)

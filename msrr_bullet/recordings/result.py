@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from statistics import median
 
@@ -102,6 +103,8 @@ class RecordingResult(BaseModel, frozen=True):
         last_pose: Last estimate in the dock frame: x, y [m], yaw [rad]; None without one.
         last_sigma: Its standard deviations.
         last_unseen_s: Its time since the last frame that corrected it [s].
+        without_odometry: Spans of time [s] with frames and without odometry, though there is some at other
+            times: the robot was taken to stand there.
         calibration: What the estimator has learned of the errors of calibration, those first that are the
             farthest beyond their tolerance; empty without an estimate, or with an estimator that learns none.
         versions: Installed versions.
@@ -127,6 +130,7 @@ class RecordingResult(BaseModel, frozen=True):
     last_pose: tuple[float, float, float] | None
     last_sigma: Sigma | None
     last_unseen_s: float | None
+    without_odometry: tuple[tuple[float, float], ...]
     calibration: tuple[LearnedError, ...]
     versions: dict[str, str] = Field(default_factory=trial_versions)
 
@@ -136,7 +140,19 @@ class RecordingResult(BaseModel, frozen=True):
 
     def warnings(self) -> tuple[str, ...]:
         """Return in words what of the target file, or of the wheels, the recording does not agree with."""
-        return tuple(text for text in (self._disagreement(), self._contradiction()) if text is not None)
+        texts = self._gaps(), self._disagreement(), self._contradiction()
+        return tuple(text for text in texts if text is not None)
+
+    def _gaps(self) -> str | None:
+        if not self.without_odometry:
+            return None
+        spans = [f"{start:.1f} to {end:.1f} s" for start, end in self.without_odometry[:_NAMED]]
+        more = len(self.without_odometry) - _NAMED
+        named = ", ".join([*spans, *([f"{more} more"] if more > 0 else [])])
+        return (
+            f"no odometry from {named}: the robot was taken to stand there; if it did not, estimates are "
+            "wrong by more than they say: leave that part out, or all odometry by --odometry none"
+        )
 
     def _disagreement(self) -> str | None:
         unused = self.with_target - self.used
@@ -212,8 +228,9 @@ class Tally:
         odometry: bool,
         assumptions: tuple[str, ...],
         learned: tuple[EstimatedCalibrationError, ...],
+        without_wheels: Sequence[tuple[int, int]],
     ) -> RecordingResult:
-        """Return the figures so far."""
+        """Return the figures so far; ``without_wheels`` are spans of time [ns]."""
         last, sigmas = self._last, self._sigmas
         middle = None
         if sigmas:
@@ -242,6 +259,7 @@ class Tally:
             last_pose=None if last is None else (last.X_DU.x, last.X_DU.y, last.X_DU.yaw),
             last_sigma=None if last is None else sigmas[-1],
             last_unseen_s=None if last is None else seconds(last.stamp_ns - last.last_seen_ns),
+            without_odometry=tuple((seconds(start), seconds(end)) for start, end in without_wheels),
             calibration=tuple(
                 LearnedError.of(known) for known in sorted(learned, key=lambda e: -abs(e.deviation))
             ),

@@ -101,6 +101,9 @@ def perceive(
     told = calibration is not None or {"calibration", "hfov_deg"} & spec.camera.model_fields_set
     if recording.calibration is not None and not told:
         calibration = recording.calibration()
+        if recording.calibrated_by:
+            by = f"{recording.source}, calibration on {recording.calibrated_by}"
+            recording = replace(recording, source=by)
     with tempfile.TemporaryDirectory(prefix="msrr-perceive-") as folder, ExitStack() as lock:
         scene = target_scene(spec, target, Path(folder), calibration)
         if options.rate_hz is not None:
@@ -139,7 +142,7 @@ def _refuse_unusable(scene: Scene, recording: Recording) -> None:
 def _would_delete(out: Path, path: Path) -> bool:
     """Return whether a new run in a folder would replace the recording that it is made of, or add to it."""
     source = path.resolve()
-    inside = source.name in RUN_FILES or source.suffix.lower() in PICTURES + FILMS
+    inside = source.name in RUN_FILES or source.suffix.lower() in (*PICTURES, *FILMS, ".mcap")
     return out.resolve() == (source.parent if inside else source)
 
 
@@ -223,7 +226,12 @@ def _run(
         tally.cut_off = True
         complain(str(error))
     result = tally.result(
-        recording.source, recording.start_ns, recording.has_odometry, assumed, perceiver.calibration_errors()
+        recording.source,
+        recording.start_ns,
+        recording.has_odometry,
+        assumed,
+        perceiver.calibration_errors(),
+        perceiver.without_wheels,
     )
     for text in result.warnings():
         recorder.write(topics.EVENTS, now_ns, Event(now_ns, "recording", text, Level.WARNING))

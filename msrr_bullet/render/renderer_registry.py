@@ -30,8 +30,8 @@ def _raster(context: RenderContext) -> Renderer:
 
 def _image(result: object, camera: PinholeCamera, X_WC: SE3, window: Window) -> Pixels:
     """Return the pixels of a class of a user's own; a ValueError says what is wrong with them."""
-    if not isinstance(result, np.ndarray):
-        wrong(result, "an array of pixels")
+    if type(result) is not np.ndarray:  # a matrix multiplies otherwise, and a mask would be ignored
+        wrong(result, "a plain array of pixels")
     if result.dtype != np.uint8 or result.shape != (window.height, window.width):
         found = f"an array of {result.dtype} of shape {result.shape}"
         raise ValueError(f"{found}; expected uint8 of shape {(window.height, window.width)}")

@@ -42,7 +42,9 @@ class TinyRenderer:
     TinyRenderer does not anti-alias. A pixel is the mean of ``samples**2`` renderings, each shifted by a
     fraction of a pixel such that all their columns and all their rows differ (a rotated grid). Nearly upright
     and level edges, which is most of a marker's when the camera is level, are then resolved to
-    1 / samples**2 of a pixel, where a plain grid of the same cost resolves them to 1 / samples.
+    1 / samples**2 of a pixel, where a plain grid of the same cost resolves them to 1 / samples. PyBullet
+    computes with single precision, so that a few pixels at edges may differ by a sample from those of another
+    window.
     """
 
     def __init__(self, context: RenderContext, floor: Literal["composited", "mesh"] = "composited") -> None:

@@ -26,7 +26,7 @@ class MissionFigures(Record):
 
     Attributes:
         makespan_s: Time of the last lock [s]; None if nobody docked.
-        way_m: Way that each unit has driven [m].
+        way_m: Way that each unit has driven [m]; below 0.01 m/s and 0.05 rad/s it counts as standing.
         parallel_share: Share of the time with any motion in which two units or more moved.
         messages_sent: Number of messages sent over the radio.
         messages_lost: Number of messages lost.

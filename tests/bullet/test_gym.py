@@ -248,6 +248,8 @@ def test_trials_without_a_docking_phase_are_skipped_and_at_last_given_up(
 def test_what_cannot_be_done_is_refused(made: Callable[..., DockingEnv]) -> None:
     with pytest.raises(SceneError, match=r"override control\.docking\.name: the agent is the docking"):
         made(**{"control.docking.name": "cbf"})
+    with pytest.raises(SceneError, match=r"override control: the agent is the docking"):
+        made(control={"docking": "cbf"})
     for scene in ("assemble_line", "corridor"):
         with pytest.raises(SceneError, match=f"{scene}: a base station leads several units at a time"):
             DockingEnv(scene)

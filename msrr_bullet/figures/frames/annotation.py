@@ -170,7 +170,7 @@ def annotate(
     caption = f"{time}, {exposure.camera}"
     if snapshot.first.phase is not None and not of_mission:
         caption = f"{time} {phase_name(snapshot.first.phase)}, {exposure.camera}"
-    title = (first, second, "; ".join(filter(None, (_detection_text(view), details))))
+    title = (first, second, "; ".join(filter(None, (_detection_text(context, view), details))))
     rows = unit_rows(snapshot) if exposure.camera == OVERHEAD else []
     return AnnotatedFrame(
         drawing.canvas.image,
@@ -220,9 +220,9 @@ def _present_text(scene: Scene, snapshot: Snapshot) -> str:
     return f"{text}; after {first.reason}" if first.phase is Phase.RETREAT else text
 
 
-def _detection_text(view: CameraView) -> str:
+def _detection_text(context: DrawingContext, view: CameraView) -> str:
     """Return how many tags were found, and how much of the frame was read, in words."""
     if view.exposure.frame < 0:
-        return "drawn from truth alone"
+        return f"drawn from {'the estimate' if context.seed is None else 'truth'} alone"
     tags, windows = counted(len(view.tags), "tag"), counted(len(view.windows), "window")
     return f"{tags} found, read {100.0 * view.read_share:.0f} % of the frame in {windows}"

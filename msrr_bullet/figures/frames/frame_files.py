@@ -60,11 +60,13 @@ class FrameAnnotator:
     def draw_latest(self, camera: str, latest: CameraView | None, now_ns: int) -> AnnotatedFrame:
         """Annotate the last frame of a camera; when the next is overdue, its view drawn from truth alone.
 
-        ``latest`` is the last frame up to now; None before the first.
+        ``latest`` is the last frame up to now; None before the first. In a recording, of which nobody knows
+        when the next frame is due, the last one stays.
         """
         cameras = self.context.scene.cameras
         spec = cameras.overhead if camera == OVERHEAD and cameras.overhead is not None else cameras.onboard
-        if latest is None or now_ns - latest.stamp_ns > 1.5 * NS_PER_S / spec.rate_hz:
+        overdue = latest is not None and now_ns - latest.stamp_ns > 1.5 * NS_PER_S / spec.rate_hz
+        if latest is None or (overdue and self.context.seed is not None):
             latest = CameraView(Exposure(camera, -1, now_ns), camera_lenses(self.context.scene)[camera])
         return self.draw(latest)
 

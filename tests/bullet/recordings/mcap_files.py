@@ -59,13 +59,14 @@ def write_ros2(
     raw: bool = False,
     start_ns: int = 0,
     image_topic: str = "/camera/image",
+    info_topics: tuple[str, ...] = ("/camera/camera_info",),
     ordered: bool = True,
     **told: Any,
 ) -> Path:
     """Write images, compressed or raw, joint states of the wheels, and the calibration of the camera.
 
     Messages stand in the order of arrival unless ``ordered`` is false; ``told`` replaces fields of the
-    calibration.
+    calibration on the last of its topics.
     """
     kind = "Image" if raw else "CompressedImage"
     with path.open("wb") as file:
@@ -89,8 +90,10 @@ def write_ros2(
             messages.append((arrival, image_topic, images, image))
             calibration = {"height": height, "width": width, "distortion_model": "plumb_bob", "d": [0.0] * 5}
             K = [FOCAL, 0.0, 0.5 * (width - 1), 0.0, FOCAL, 0.5 * (height - 1), 0.0, 0.0, 1.0]
-            calibration |= {"k": K, "header": _ros_header(start_ns + stamp), **told}
-            messages.append((arrival, "/camera/camera_info", info, calibration))
+            calibration |= {"k": K, "header": _ros_header(start_ns + stamp)}
+            for topic in info_topics[:-1]:
+                messages.append((arrival, topic, info, calibration))
+            messages.append((arrival, info_topics[-1], info, {**calibration, **told}))
         if ordered:
             messages.sort(key=lambda m: m[0])
         for arrival, topic, schema, message in messages:

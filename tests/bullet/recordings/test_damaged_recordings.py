@@ -314,6 +314,13 @@ def test_bags_of_other_kinds_are_told_what_to_do(trial: Trial, tmp_path: Path) -
     (tmp_path / "bag.db3").write_bytes(b"SQLite format 3")
     with pytest.raises(RecordingError, match="`ros2 bag convert` makes"):
         perceive(tmp_path / "bag.db3", trial.target)
+    for name in ("bag_0.db3", "bag_0.mcap.zstd"):  # without metadata, as of one that was killed
+        folder = tmp_path / name.partition(".")[2]
+        folder.mkdir()
+        (folder / name).write_bytes(b"SQLite format 3")
+        for path in (folder, folder / name):
+            with pytest.raises(RecordingError, match="this one has 0, and `ros2 bag convert` makes"):
+                perceive(path, trial.target)
 
 
 def test_topics_that_are_not_there_are_refused_with_those_that_are(trial: Trial, tmp_path: Path) -> None:

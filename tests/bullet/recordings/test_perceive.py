@@ -16,16 +16,18 @@ import pytest
 import yaml
 
 from msrr_bullet.cli.app import run
+from msrr_bullet.figures.frames.frame_files import FrameAnnotator
 from msrr_bullet.log import read_log
 from msrr_bullet.recordings.perceiver import PerceivedInstant
 from msrr_bullet.recordings.recording import RecordingError
 from msrr_bullet.recordings.result import LearnedError, RecordingResult, sigma_of
 from msrr_bullet.recordings.run import Options, perceive
 from msrr_bullet.recordings.wheels import ODOMETRY, WheelReader
+from msrr_bullet.timeline.camera_views import docking_views
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.geometry.unit_geometry import find_urdf
-from msrr_scenes.messages import NS_PER_S, PoseEstimate
+from msrr_scenes.messages import NS_PER_S, PoseEstimate, WheelOdometry
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CalibrationSpec
 from tests.bullet.recordings.conftest import Trial, run_trial_quietly, told
@@ -156,8 +158,34 @@ def test_a_wrong_drive_may_be_wheels_in_the_wrong_order(quantity: str, wheels: b
     )
     for odometry in (True, False):
         given: dict[str, Any] = {"odometry": odometry, "with_target": 9, "used": 9, "calibration": (wrong,)}
+        given["without_odometry"] = ()
         (text,) = RecordingResult.model_construct(**given).warnings()
         assert ("Wheels in the wrong order" in text) == (wheels and odometry)
+
+
+def test_odometry_that_pauses_is_named(trial: Trial, tmp_path: Path) -> None:
+    """The robot was taken to stand while there was none, and nothing was said: estimates were 20 cm off."""
+    told = yaml.safe_load(trial.target.read_text()) | {"robot": {"wheel_joints": ["l", "r"]}}
+    target = tmp_path / "target.yaml"
+    target.write_text(yaml.safe_dump(told))
+    pixels, end_s = trial.frames()[0][2], 6.9
+    stamps = [round(0.3 * k * NS_PER_S) for k in range(24)]  # of a robot that stands
+    frames = [(stamp, stamp, pixels) for stamp in stamps]
+    wheels = [(t, WheelOdometry("a", t, 0.1, 0.1)) for t in range(0, stamps[-1], NS_PER_S // 50)]
+    for begin_s, until_s, spans in (
+        (9.0, 9.0, 0),
+        (3.0, 4.0, 0),
+        (1.0, 3.0, 1),
+        (0.0, 2.0, 1),
+        (5.0, 99.0, 1),
+    ):
+        kept = [w for w in wheels if not begin_s <= 1e-9 * w[1].stamp_ns < until_s]
+        result = perceive(write_ros2(tmp_path / "film.mcap", frames, kept), target)
+        assert len(result.without_odometry) == spans, begin_s
+        for start, end in result.without_odometry:
+            assert start == pytest.approx(begin_s, abs=0.1)
+            assert end == pytest.approx(min(until_s, end_s), abs=0.31)
+            assert f"no odometry from {start:.1f} to {end:.1f} s" in result.warnings()[0]
 
 
 @pytest.mark.parametrize("kind", ["json", "protobuf", "ros2", "ros2_raw", "ros2_bag", "ros2_reversed"])
@@ -285,6 +313,28 @@ def test_a_run_is_not_put_among_the_pictures_of_a_recording(trial: Trial, tmp_pa
     assert cv2.imwrite(str(tmp_path / "0.png"), pixels)
     with pytest.raises(MsrrError, match="the recording is read from there; choose another --out"):
         perceive(tmp_path / "0.png", trial.target, out=tmp_path)
+
+
+def test_a_run_is_not_put_beside_the_file_of_a_recording(trial: Trial, tmp_path: Path) -> None:
+    """The folder would have been that of the run from then on, and no bag any more."""
+    frames = trial.frames()[:2]
+    path = write_ros2(tmp_path / "bag_0.mcap", frames, [])
+    with pytest.raises(MsrrError, match="the recording is read from there; choose another --out"):
+        perceive(path, trial.target, out=tmp_path)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_last_frame_of_a_recording_stays_until_the_next(trial: Trial, tmp_path: Path) -> None:
+    """A film of a slow camera flickered between its frames and a drawing."""
+    path = write_ros2(tmp_path / "film.mcap", trial.frames()[:2], [])
+    perceive(path, trial.target, out=tmp_path / "run")
+    log = read_log(tmp_path / "run")
+    annotator, view = FrameAnnotator(log), next(iter(docking_views(log)))
+    for apart_s, what in ((0.0, "frame 0"), (2.0, "frame 0")):
+        now_ns = view.stamp_ns + round(apart_s * NS_PER_S)
+        assert what in annotator.draw_latest(view.exposure.camera, view, now_ns).title[0]
+    title = annotator.draw_latest(view.exposure.camera, None, 0).title
+    assert "drawn from the estimate alone" in title[2]
 
 
 def test_a_recording_is_not_replaced_by_what_is_made_of_it(trial: Trial) -> None:

@@ -31,7 +31,9 @@ def target(trial: Trial, tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("topic", ["/camera/image_rect", "/camera/image_rect_color/compressed"])
+@pytest.mark.parametrize(
+    "topic", ["/camera/image_rect", "/camera/image_rect_color/compressed", "/camera/image_rectified"]
+)
 def test_rectified_images_are_read_by_the_projection_matrix(
     trial: Trial, target: Path, tmp_path: Path, topic: str
 ) -> None:
@@ -41,8 +43,40 @@ def test_rectified_images_are_read_by_the_projection_matrix(
     assert right is not None
     assert perceive(path, target).last_pose == pytest.approx(right, abs=1e-9)
     # The calibration of the raw images is not what they were taken with, and counts for topics of others.
-    raw = write_ros2(tmp_path / "raw.mcap", frames, [], image_topic="/image_rectifier/image", p=P, **RAW)
+    topics: Any = {"image_topic": "/image_rectifier/image", "info_topics": ("/image_rectifier/camera_info",)}
+    raw = write_ros2(tmp_path / "raw.mcap", frames, [], **topics, p=P, **RAW)
     assert perceive(raw, target).last_pose != pytest.approx(right, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("images", "others"),
+    [
+        ("/camera/image_raw", "/camera/aligned/camera_info"),
+        ("/front/image_raw", "/rear/camera_info"),
+        ("/camera/color/image_raw/compressed", "/camera/depth/camera_info"),
+    ],
+)
+def test_the_calibration_is_that_of_the_camera_by_its_name(
+    trial: Trial, target: Path, tmp_path: Path, images: str, others: str
+) -> None:
+    """That of another camera was taken where it came first in the alphabet, or was the only one."""
+    frames, topics = trial.frames()[:2], (images.partition("/image")[0] + "/camera_info", others)
+    both = write_ros2(tmp_path / "both.mcap", frames, [], image_topic=images, info_topics=topics, k=RAW["k"])
+    found, right = perceive(both, target), perceive(both, target, Options(IDEAL))
+    assert found.last_pose == pytest.approx(right.last_pose, abs=1e-9)
+    assert found.recording.endswith(f", calibration on {topics[0]}")
+    assert "calibration on" not in right.recording
+
+
+def test_calibrations_of_other_cameras_are_refused(trial: Trial, target: Path, tmp_path: Path) -> None:
+    topics: Any = {
+        "image_topic": "/front/image_raw",
+        "info_topics": ("/left/camera_info", "/rear/camera_info"),
+    }
+    path = write_ros2(tmp_path / "film.mcap", trial.frames()[:1], [], **topics)
+    with pytest.raises(RecordingError, match=r"which of /left/camera_info, /rear/camera_info is the calib"):
+        perceive(path, target)
+    assert perceive(path, target, Options(IDEAL)).used == 1
 
 
 @pytest.mark.parametrize(

@@ -45,11 +45,19 @@ def test_renderers_come_by_name_or_import_path(client: int, monkeypatch: pytest.
 
 
 @pytest.mark.parametrize(
-    "result", [None, np.zeros((1, 2)), np.zeros((2, 1), dtype=np.uint8), np.zeros((1, 2, 3), dtype=np.uint8)]
+    "result",
+    [
+        None,
+        np.zeros((1, 2)),
+        np.zeros((2, 1), dtype=np.uint8),
+        np.zeros((1, 2, 3), dtype=np.uint8),
+        np.zeros((1, 2), dtype=np.uint8).view(np.recarray),
+        np.ma.masked_all((1, 2), dtype=np.uint8),
+    ],
 )
 def test_an_image_of_one_s_own_renderer_is_checked(result: object) -> None:
     arguments = (PinholeCamera(8, 8, 8.0), SE3(), Window(3, 0, 2, 1))
-    with pytest.raises(ValueError, match=r"expected (an array of pixels|uint8 of shape \(1, 2\))"):
+    with pytest.raises(ValueError, match=r"expected (a plain array of pixels|uint8 of shape \(1, 2\))"):
         RENDERERS.methods["render"](result, *arguments)
     RENDERERS.methods["render"](np.zeros((1, 2), dtype=np.uint8), *arguments)
 
