@@ -44,12 +44,14 @@ class CameraView:
         windows: Pixel windows that were read, each with its mono8 pixels (height, width).
         tags: Detected tags, corners in pixels of the ideal camera. With localisation errors in the scene, the
             corners are where the localisation service reports them.
+        complete: Whether its tags had been reported when the run ended.
     """
 
     exposure: Exposure
     lens: Lens
     windows: Sequence[tuple[Window, Pixels]] = ()
     tags: Sequence[TagDetection] = ()
+    complete: bool = True
 
     @property
     def stamp_ns(self) -> int:
@@ -147,7 +149,8 @@ def read_camera_views(log: Log, exposures: Collection[Exposure]) -> Iterator[Cam
     windows: list[tuple[Window, Pixels]] = []
 
     def view(exposure: Exposure) -> CameraView:
-        return CameraView(exposure, lenses[exposure.camera], windows, tags.get(exposure, ()))
+        found = tags.get(exposure)
+        return CameraView(exposure, lenses[exposure.camera], windows, found or (), complete=found is not None)
 
     for record in log.records("/camera/*"):
         if record.kind is Exposure:

@@ -225,4 +225,5 @@ def _detection_text(context: DrawingContext, view: CameraView) -> str:
     if view.exposure.frame < 0:
         return f"drawn from {'the estimate' if context.seed is None else 'truth'} alone"
     tags, windows = counted(len(view.tags), "tag"), counted(len(view.windows), "window")
-    return f"{tags} found, read {100.0 * view.read_share:.0f} % of the frame in {windows}"
+    found = f"{tags} found" if view.complete else "tags not reported before the end"
+    return f"{found}, read {100.0 * view.read_share:.0f} % of the frame in {windows}"

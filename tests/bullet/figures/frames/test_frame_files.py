@@ -7,10 +7,10 @@ import pytest
 
 from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import BAD_INPUT
-from msrr_bullet.figures.frames.frame_files import FramesError, write_frames
+from msrr_bullet.figures.frames.frame_files import FrameAnnotator, FramesError, write_frames
 from msrr_bullet.log import read_log
 from msrr_bullet.run_folder import RunFolderError
-from msrr_bullet.timeline.camera_views import read_exposures
+from msrr_bullet.timeline.camera_views import read_camera_views, read_exposures
 from msrr_scenes.messages import NS_PER_S, OVERHEAD
 
 
@@ -42,6 +42,16 @@ def test_frames_have_the_requested_interval(short_log, tmp_path):
     first = {stamp_ns // (2 * NS_PER_S): stamp_ns for stamp_ns in sorted(stamps.values(), reverse=True)}
     assert chosen == sorted(first.values())
     assert [stamp_ns / NS_PER_S for stamp_ns in chosen[:4]] == pytest.approx([0.0, 2.0, 4.0, 6.0], abs=0.11)
+
+
+def test_tags_of_the_last_frames_had_not_been_reported_when_the_run_ended(short_log):
+    """They take 40 ms and more; the frame said that none was found, with the tags in the picture."""
+    annotator = FrameAnnotator(short_log)
+    views = [v for v in read_camera_views(short_log, read_exposures(short_log)[-30:]) if v.windows]
+    assert not views[-1].complete
+    assert "tags not reported before the end" in annotator.draw(views[-1]).title[2]
+    seen = next(view for view in views if view.tags)
+    assert f"{len(seen.tags)} tag" in annotator.draw(seen).title[2]
 
 
 def test_what_cannot_be_drawn_is_refused(short_log, blind_run, tmp_path, capsys):
