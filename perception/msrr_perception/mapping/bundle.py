@@ -23,8 +23,9 @@ from msrr_scenes.geometry.unit_geometry import tag_corners
 #: What an adjustment may change of a lens, in this order: focal length, principal point [px], k1, k2.
 LENS_ENTRIES = ("focal_px", "cx_px", "cy_px", "k1", "k2")
 
-#: Least depth of a corner that a camera can have seen [m]: a step of the solver may carry one behind it.
-NEAREST_M = 0.01
+#: Least depth of a corner that a camera can have seen, over the edge of the tags: a step of the solver may
+#: carry one behind it.
+NEAREST = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +195,7 @@ class Bundle:
     def project(self, corners_C: Array) -> tuple[Array, Array, Array]:
         """Return pixels (N, 4, 2), and their derivatives by the corners and by the lens (N, 4, 2, 3 or 5)."""
         camera, distortion = self.lens.camera, self.lens.distortion
-        z = np.maximum(corners_C[..., 2], NEAREST_M)
+        z = np.maximum(corners_C[..., 2], NEAREST * self.tag_size)
         plane = (corners_C[..., :2] / z[..., np.newaxis]).reshape(-1, 2)
         shown = distortion.apply(plane)
         by_plane = camera.focal * distortion.jacobian(plane).reshape(*z.shape, 2, 2)

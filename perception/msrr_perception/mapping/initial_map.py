@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_perception.mapping.bundle import NEAREST_M, Bundle, Sightings
+from msrr_perception.mapping.bundle import NEAREST, Bundle, Sightings
 from msrr_perception.pose.square_poses import square_poses
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.lens import Lens
@@ -108,6 +108,7 @@ class _Guess:
 
     def __init__(self, seen: Sightings, lens: Lens, tag_size: float) -> None:
         self._seen, self._lens = seen, lens
+        self._nearest = NEAREST * tag_size
         self._square = np.column_stack([tag_corners(tag_size), np.ones(4)])
         self._ideal = lens.undistorted(seen.corners)
         found = [square_poses(lens.camera, corners, tag_size) for corners in self._ideal]
@@ -222,7 +223,7 @@ class _Guess:
     def _error(self, X_CT: Array, which: NDArray[np.intp]) -> Array:
         """Return how far off tags at poses, shape (..., n, 4, 4), would be seen, shape (..., n) [px]."""
         corners_C = (self._square @ X_CT.swapaxes(-1, -2))[..., :3]
-        behind = corners_C[..., 2] < NEAREST_M
+        behind = corners_C[..., 2] < self._nearest
         corners_C[behind] = [0.0, 0.0, 1.0]
         distance = np.linalg.norm(self._lens.camera.project(corners_C) - self._ideal[which], axis=-1)
         error: Array = np.where(behind, _FAR_PX, np.minimum(distance, _FAR_PX)).sum(axis=-1)

@@ -109,6 +109,17 @@ def test_exact_corners_give_the_exact_map() -> None:
         np.testing.assert_allclose(mapped.X_MT.matrix(), X_MT.matrix(), atol=1e-6)
 
 
+def test_the_map_of_tiny_tags_is_a_small_one() -> None:
+    """Tags of a millimetre, seen from a centimetre: a limit of the depth in metres bent their map."""
+    rng = np.random.default_rng(3)
+    tags = wall(rng)
+    pictures, scale = photographed(tags, rng), 0.001 / TAG_SIZE
+    large, tiny = map_tags(pictures, LENS, TAG_SIZE), map_tags(pictures, LENS, scale * TAG_SIZE)
+    assert tiny.sigma_px == pytest.approx(large.sigma_px, rel=1e-6)
+    for tag, mapped in tiny.tags.items():
+        np.testing.assert_allclose(mapped.X_MT.p, scale * large.tags[tag].X_MT.p, atol=1e-6 * scale)
+
+
 def test_one_wrong_sighting_is_named() -> None:
     """A corner of one tag in one picture is off by 15 standard deviations."""
     rng = np.random.default_rng(5)
