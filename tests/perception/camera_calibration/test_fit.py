@@ -178,17 +178,17 @@ def test_pictures_of_one_place_are_held_out_together_where_corners_are_missing(
     """What all pictures of a place share is no noise: each of them alone would make it seem known."""
     whole, partly, rng = list[BoardView](), list[BoardView](), np.random.default_rng(3)
     for view in seen(camera.lens, camera, printed, 6, 0.5):
-        for k in range(5):
+        for k in range(2):
             corners = view.points.corners + rng.normal(0.0, 0.05, (35, 2))
-            shown = np.sort(rng.permutation(35)[: 35 - k % 3])
+            shown = np.sort(rng.permutation(35)[: 35 - k])
             whole.append(BoardView(f"{view.name}.{k}", BoardPoints(view.points.points_B, corners)))
             points = BoardPoints(view.points.points_B[shown], corners[shown])
             partly.append(BoardView(f"{view.name}.{k}", points))
     of_whole, of_part = (calibrate_camera(views, 400, 300, 1) for views in (whole, partly))
     for name in ("fx_px", "cx_px", "cy_px", "k1"):
         assert of_part.sigma[name] == pytest.approx(of_whole.sigma[name], rel=0.3), name
-    with pytest.raises(CalibrationError, match=r"10 pictures show the board in 2 place"):
-        calibrate_camera(partly[:10], 400, 300, 1)
+    with pytest.raises(CalibrationError, match=r"4 pictures show the board in 2 place"):
+        calibrate_camera(partly[:4], 400, 300, 1)
 
 
 def test_a_board_that_moves_slowly_is_seen_in_many_places(camera: Camera, printed: Printed) -> None:
@@ -196,14 +196,14 @@ def test_a_board_that_moves_slowly_is_seen_in_many_places(camera: Camera, printe
     board = printed("chessboard")
     start, end = camera.poses(board.size, 2)
     views = []
-    for share in np.linspace(0.0, 0.3, 36):
+    for share in np.linspace(0.0, 0.2, 24):
         turn = cv2.Rodrigues(share * cv2.Rodrigues(end.R @ start.R.T)[0])[0]
         X_CB = SE3(np.asarray(turn, dtype=np.float64) @ start.R, (1.0 - share) * start.p + share * end.p)
         shown = camera.lens.distorted(camera.lens.camera.project(X_CB.act(board.points)))
         views.append(BoardView(f"{share}", BoardPoints(board.points, shown)))
     steps = [np.abs(b.points.corners - a.points.corners).max() for a, b in itertools.pairwise(views)]
     assert max(steps) < 3.0
-    assert calibrate_camera(views, 400, 300, 2).told.fx_px == pytest.approx(330.0, abs=1.0)
+    assert calibrate_camera(views, 400, 300, 1).told.fx_px == pytest.approx(330.0, rel=0.01)
 
 
 def test_a_better_lens_that_folds_counts_in_sigma(camera: Camera, printed: Printed) -> None:
