@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from threading import get_ident
 from types import MappingProxyType
 from typing import Any
 from weakref import finalize
@@ -93,7 +94,7 @@ class _Episode(greenlet):
         super().__init__()
         self.progress: Progress | None = None
         self._scene, self._seed, self._out = scene, seed, out
-        self._agent = getcurrent()
+        self._agent, self._thread = getcurrent(), get_ident()
 
     def run(self, _: None) -> TrialResult | None:
         """Run the trial, in the greenlet; return None if it was abandoned."""
@@ -110,6 +111,7 @@ class _Episode(greenlet):
         Args:
             command: The command that was asked for; None to begin the trial.
         """
+        self.check_thread()
         self.parent = self._agent = getcurrent()
         turn: ControlInputs | TrialResult = self.switch(command)
         return turn
@@ -126,6 +128,13 @@ class _Episode(greenlet):
         """Stop the trial if it is under way; its log, if it has one, ends here."""
         if self:
             self.throw()
+
+    def check_thread(self) -> None:
+        """Refuse to go on with a trial that is under way in another thread."""
+        if self and get_ident() != self._thread:
+            raise MsrrError(
+                "an episode goes on, and is closed, in the thread that began it; make an environment for each"
+            )
 
 
 class DockingEnv(gymnasium.Env[Vector, Vector]):
@@ -148,6 +157,8 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
 
     An action is the command (v, w) [m/s, rad/s], up to the scene's ``v_close_mps`` and ``w_max_radps``. The
     robot limits it further where the camera could not read the tags, at the port, and near other bodies.
+
+    An episode is begun, stepped and closed in one thread.
 
     The reward is 1 for the step at the end of which the outcome is ``docked``, and else 0. The episode is
     truncated where the time limit of the scene is reached, and terminated by every other outcome. There is no
@@ -289,7 +300,8 @@ class DockingEnv(gymnasium.Env[Vector, Vector]):
 
     def close(self) -> None:
         """Stop the trial that is under way."""
-        if self._leave is not None:
+        if self._leave is not None and self._episode is not None:
+            self._episode.check_thread()
             self._leave()
         self._episode = self._leave = None
 

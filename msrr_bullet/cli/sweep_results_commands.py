@@ -43,12 +43,13 @@ def compare(
     What the trials share, such as the start and the robots, cancels out.
     """
     from msrr_bullet.cli.sweep_report import comparison_table
+    from msrr_bullet.sweep.compared_trials import is_same_level
     from msrr_bullet.sweep.comparison import compare_sweeps
     from msrr_bullet.sweep.variation import short_keys
 
     other = second or first
     chosen = parse_overrides(first_with, "--first"), parse_overrides(second_with, "--second")
-    if second is None and chosen[0] == chosen[1]:
+    if second is None and is_same_level(*chosen):
         raise SceneError(
             f"{first}: there is nothing to compare it with; name a second table, or two levels of this one "
             "by --first KEY=VALUE and --second KEY=VALUE"

@@ -113,6 +113,9 @@ class BulletPlant(Plant):
         return lock
 
     def _advance(self) -> None:
+        for (unit, _), plug in self._plugs.items():
+            if not self.is_asleep(unit):
+                plug.follow()
         self.world.step()
         self.tick += 1
         engaged = []

@@ -12,9 +12,16 @@ from msrr_scenes.geometry.se3 import SE3
 
 PLUG_RGBA = (0.2, 0.2, 0.2, 1.0)
 
+#: Motion of the unit above which the plug is placed anew [m, and in the entries of rotation matrices]: where
+#: the unit stands the plug stands, so that no contact sees it move.
+_MOVED = 1e-4
+
 
 class PortPlug:
-    """Two small fixed bodies at the bottom of the holes of a passive port."""
+    """Two small bodies at the bottom of the holes of a passive port, which are where the unit takes them.
+
+    The physics takes them for fixed: a pin that pushes them does not push the unit.
+    """
 
     def __init__(self, world: BulletWorld, unit: str, port: str) -> None:
         """Place the bodies by the present pose of the unit, which does not collide with them.
@@ -22,18 +29,20 @@ class PortPlug:
         Raises:
             GeometryError: The port has no holes.
         """
-        self._client = world.client
+        self._client, self._world, self._unit = world.client, world, unit
         owner = world.unit(unit)
+        self._X_WU = X_WU = world.pose3(unit)
         holes = [s for s in owner.geometry.solids if s.link.startswith(f"port_{port}_hole_")]
         if not holes:
             raise GeometryError(f"unit {unit!r}: port {port!r} has no holes to plug")
         self.bodies: list[int] = []
+        self._places: list[SE3] = []
         for hole in holes:
             # The bottom of a hole is a box whose x axis points out of the face; the plug stands on it.
             thickness, width, height = hole.size
             half = [0.5 * PLUG_LENGTH, 0.5 * width, 0.5 * height]
-            X_WH = world.pose3(unit) @ hole.X_UG
-            X_WG = X_WH @ SE3(p=np.array([0.5 * (thickness + PLUG_LENGTH), 0.0, 0.0]))
+            X_UP = hole.X_UG @ SE3(p=np.array([0.5 * (thickness + PLUG_LENGTH), 0.0, 0.0]))
+            X_WG = X_WU @ X_UP
             body: int = pybullet.createMultiBody(
                 baseMass=0.0,
                 baseCollisionShapeIndex=pybullet.createCollisionShape(
@@ -49,6 +58,19 @@ class PortPlug:
             for link in owner.links.values():
                 pybullet.setCollisionFilterPair(owner.body, body, link, -1, 0, physicsClientId=self._client)
             self.bodies.append(body)
+            self._places.append(X_UP)
+
+    def follow(self) -> None:
+        """Place the bodies where the unit has moved them."""
+        X_WU, before = self._world.pose3(self._unit), self._X_WU
+        if max(np.abs(X_WU.p - before.p).max(), np.abs(X_WU.R - before.R).max()) < _MOVED:
+            return
+        self._X_WU = X_WU
+        for body, X_UP in zip(self.bodies, self._places, strict=True):
+            X_WP = X_WU @ X_UP
+            pybullet.resetBasePositionAndOrientation(
+                body, X_WP.p.tolist(), X_WP.quaternion_xyzw().tolist(), physicsClientId=self._client
+            )
 
     def remove(self) -> None:
         """Remove the bodies."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from msrr_bullet.studies.measures import paper_measures
+from msrr_bullet.studies.measures import OBSTACLE_MEASURES, paper_measures
 from msrr_bullet.studies.model import Measured, Row, count_within_paper, rates_of
 from msrr_bullet.studies.series import Series
 from msrr_bullet.studies.settings import PAPER_PACE, Setting, merge_params
@@ -80,8 +80,12 @@ def path_following_row(choice: Choice, label: str, setting: Setting, seeds: rang
     clear = values["clearance"] > 0.0
     within_paper = clear.copy()
     for measure in paper_measures(("long",)):
-        # A unit still passing its obstacle at the end of the arc has no tracking error and does not meet it.
-        within_paper &= values[measure.key] <= (measure.paper_c1 or np.inf)
+        # A unit still passing its obstacle at the end of the arc has no tracking error and does not meet it;
+        # a path that met no obstacle has neither amplitude nor recovery, and they do not count.
+        met = values[measure.key] <= (measure.paper_c1 or np.inf)
+        if measure.key in OBSTACLE_MEASURES:
+            met |= np.isnan(values[measure.key])
+        within_paper &= met
     return Row(
         controller=choice.name,
         label=label,

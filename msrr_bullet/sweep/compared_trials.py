@@ -138,6 +138,11 @@ def read_trials(path: Path, chosen: Mapping[str, str]) -> tuple[dict[str, str], 
     return of_sweep, trials
 
 
+def is_same_level(first: Mapping[str, str], second: Mapping[str, str]) -> bool:
+    """Return whether two choices of values are one, also if a number is written in two ways."""
+    return first.keys() == second.keys() and all(_is_same(first[key], second[key]) for key in first)
+
+
 def _is_same(text: str, value: str) -> bool:
     """Return whether two values are the same text, or the same number."""
     try:

@@ -42,6 +42,10 @@ COMMIT;
 _ERRORS = (sqlite3.Error, UnicodeDecodeError)
 
 
+#: Size of the header of a file of SQLite [bytes].
+_SMALLEST = 100
+
+
 class StoreError(MsrrError):
     """A store that cannot be read or written."""
 
@@ -87,6 +91,8 @@ class TrialStore:
         self._path, self._result_type = path, result_type
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
+            if path.is_file() and 0 < path.stat().st_size < _SMALLEST:  # SQLite writes over one byte
+                raise StoreError(f"{path}: no database; {mend}")
             self._db = sqlite3.connect(path.absolute(), timeout=30.0)  # SQLite has names of its own
             with self._db:
                 tables = {name for (name,) in self._db.execute("SELECT name FROM sqlite_master")}

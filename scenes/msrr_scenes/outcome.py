@@ -32,7 +32,8 @@ class Outcome(Enum):
     """The marker was seen and lost, the port was not reached, no attempt was left."""
     GAVE_UP = "gave_up"
     """The marker was detected at least once, nothing stood in the way, and the port was not reached; or the
-    drive has seized. Tags with which no pose agrees count as detected."""
+    drive has seized, or a unit that is clear of a port that it was to leave does not believe it. Tags with
+    which no pose agrees count as detected."""
     NEVER_DETECTED = "never_detected"
     """The marker was never seen."""
     BLOCKED = "blocked"

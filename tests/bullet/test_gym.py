@@ -6,6 +6,7 @@ import gc
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -243,6 +244,17 @@ def test_trials_without_a_docking_phase_are_skipped_and_at_last_given_up(
     env = made(time_limit_s=0.05)
     with pytest.raises(MsrrError, match=r"close_range: no docking phase began in 20 trials.*timeout"):
         env.reset(seed=0)
+
+
+def test_an_episode_goes_on_in_its_own_thread(made: Callable[..., DockingEnv]) -> None:
+    env = made()
+    env.reset(seed=0)
+    with ThreadPoolExecutor(1) as other:
+        for use in (lambda: env.step(np.zeros(2, np.float32)), lambda: env.reset(seed=1), env.close):
+            with pytest.raises(MsrrError, match=r"in the thread that began it; make an environment"):
+                other.submit(use).result()
+    env.step(np.zeros(2, np.float32))
+    env.close()
 
 
 def test_what_cannot_be_done_is_refused(made: Callable[..., DockingEnv]) -> None:

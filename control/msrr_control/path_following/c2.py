@@ -1,6 +1,7 @@
 """The long-distance law C2: our reading of the law with which the paper compares C1.
 
-The paper prints no equations of it; it describes it in words and names a source.
+The paper prints no equations of it; it describes it in words and names a source. Its feedback saturates each
+axis of the world by itself, so that its ways depend on the direction of the path in the world.
 """
 
 from __future__ import annotations

@@ -58,14 +58,16 @@ def lock(c: DockingContext) -> Twist | Transition:
         c.presses = True
         return Transition(Phase.DOCK, "a seat switch opened with the wheels at rest: pressing on from now")
     # A report from before the command to close does not count.
-    closed = (
-        report is not None and report.stamp_ns >= memory.since_ns and report.position is LockPosition.CLOSED
-    )
-    if closed:
+    closed = report is not None and report.position is LockPosition.CLOSED
+    anew = report is not None and report.stamp_ns >= memory.since_ns
+    if closed and anew:
         return Transition(Phase.VERIFY, f"cam closed after {memory.lasted(c.now_ns):.2f} s")
     longest = max(tuning.latch_s, c.setup.close_time_s + tuning.latch_margin_s)
     if memory.lasted(c.now_ns) > longest:
-        return Transition.back_out(f"cam not closed in {longest:.1f} s", FailureReason.NOT_LATCHED)
+        reason = "cam closed before the command to close, and has not opened since"
+        return Transition.back_out(
+            reason if closed else f"cam not closed in {longest:.1f} s", FailureReason.NOT_LATCHED
+        )
     return Twist(c.press_mps, 0.0) if c.presses else STILL
 
 

@@ -30,7 +30,7 @@ class MarkerHidden(Spec):
 
 
 class PortPlugged(Spec):
-    """An object plugs a port's holes; it falls out when the robot retreats from the last attempt named."""
+    """An object plugs a port's holes in some attempts of every docking step at this port."""
 
     kind: Literal["port_plugged"]
     """Kind of fault."""

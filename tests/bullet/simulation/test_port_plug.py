@@ -9,6 +9,7 @@ from msrr_bullet.simulation.port_plug import PortPlug
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
 from tests.bullet.conftest import before_port, two_units
 
 
@@ -52,6 +53,33 @@ def test_a_plug_does_not_push_the_unit_and_can_be_removed(world):
     plug.remove()  # a second call does nothing
     assert plug.bodies == []
     assert pybullet.getNumBodies(physicsClientId=world.client) == count - 2
+
+
+def test_a_plug_stays_in_the_port_of_a_unit_that_drives(world):
+    """It stood where the port had been, invisible in the open, and the next unit ran into it there."""
+    plug = PortPlug(world, "b", "rear")
+
+    def places():
+        X_UW = world.pose3("b").inverse()
+        poses = (pybullet.getBasePositionAndOrientation(b, physicsClientId=world.client) for b in plug.bodies)
+        return np.array([X_UW.act(np.array(position)) for position, _ in poses])
+
+    before = places()
+    X_WU = SE3.from_xyz_rpy([1.5, -0.4, float(world.pose3("b").p[2])], [0.0, 0.0, 2.0])
+    X_WG = X_WU @ world.pose3("b").inverse() @ base_of(world, "b")
+    pybullet.resetBasePositionAndOrientation(
+        world.unit("b").body, X_WG.p.tolist(), X_WG.quaternion_xyzw().tolist(), physicsClientId=world.client
+    )
+    assert np.abs(places() - before).max() > 0.3
+    plug.follow()
+    np.testing.assert_allclose(places(), before, atol=1e-6)
+
+
+def base_of(world, unit):
+    """Return the pose of the base of a unit, which PyBullet counts from its centre of mass."""
+    position, q = pybullet.getBasePositionAndOrientation(world.unit(unit).body, physicsClientId=world.client)
+    R = np.array(pybullet.getMatrixFromQuaternion(q)).reshape(3, 3)
+    return SE3(R, np.array(position))
 
 
 def test_a_port_without_holes_cannot_be_plugged(world):

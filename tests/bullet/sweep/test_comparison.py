@@ -123,6 +123,7 @@ def test_values_that_were_left_out_are_named(
             ["--first", f"{KEY}=0.01"],
             f"these are several sweeps ({KEY} is 0.01 or 0.020); give",
         ),
+        (["--first", f"{KEY}=0.02", "--second", f"{KEY}=0.020"], "there is nothing to compare it with"),
         (["--first", f"{KEY}=0.03"], f"no trial with {KEY}=0.03; in the table {KEY} is 0.01 or 0.020 or"),
         (["--first", "parametric.sigma_xy=1"], f"was not set or varied; did you mean '{KEY}'?"),
         (["--first", "0.01"], "--first 0.01: expected KEY=VALUE"),

@@ -15,7 +15,7 @@ from msrr_bullet.reproduce.run import reproduce
 from msrr_bullet.run import run_trial
 from msrr_bullet.sweep.summary import SweepSummary
 from msrr_bullet.sweep.sweep import run_sweep
-from msrr_bullet.sweep.trial_store import StoreError, TrialStore
+from msrr_bullet.sweep.trial_store import StoreError, TrialStore, check_store
 from msrr_bullet.tolerance.study import run_study
 from msrr_scenes.loading.load import load_scene
 from msrr_scenes.outcome import Outcome
@@ -159,6 +159,13 @@ def test_a_file_that_is_no_store(scene: Scene, tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"notes\.txt"):
         run_sweep(scene, range(1), store=text, executor=inline, trial=made_up)
     assert "these are notes" in text.read_text()
+    short = tmp_path / "answer.txt"
+    short.write_text("7")  # SQLite takes it for empty, and writes over it
+    with pytest.raises(StoreError, match=r"answer\.txt: no database; name another store"):
+        run_sweep(scene, range(1), store=short, executor=inline, trial=made_up)
+    with pytest.raises(StoreError, match=r"answer\.txt: no database"):
+        check_store(short)
+    assert short.read_text() == "7"
     alien = tmp_path / "alien.sqlite"
     with sqlite3.connect(alien) as db:
         db.execute("CREATE TABLE recipes (name TEXT)")

@@ -1072,6 +1072,16 @@ def test_undocked_unseen_by_odometry_with_the_lock_open(facts: DockSetup) -> Non
     assert desk.machine.belief.conviction is Conviction.UNDOCKED
 
 
+def test_a_lock_that_was_closed_before_it_was_told_to_is_named(facts: DockSetup) -> None:
+    """It has jammed in the attempt before, and tells of changes only."""
+    desk = Desk(facts)
+    desk.to_lock()
+    closed_ns, action = desk.now_ns - 1_000_000_000, None
+    while action is None or action.phase is Phase.LOCK:
+        action = desk.ask(desk.at(0.0), closed=True, lock=(LockPosition.CLOSED, closed_ns))
+    assert action.reason == "cam closed before the command to close, and has not opened since"
+
+
 @pytest.mark.parametrize("seen", [True, False])
 def test_a_retreat_that_cannot_part_from_the_port_ends_the_step(facts: DockSetup, seen: bool) -> None:
     """The lock jams while it closes: two attempts are left, but the unit cannot leave the first."""
