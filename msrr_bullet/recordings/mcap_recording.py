@@ -161,7 +161,6 @@ def _calibration_of(topic: str, candidates: Sequence[str]) -> str | None:
     that of ``/camera/image_raw`` and of ``/camera/image_raw/compressed``.
     """
     folder = topic.split("/")[:-1]
-
     places = {other: other.split("/")[:-1] for other in candidates}
     steps = {
         other: abs(len(place) - len(folder))

@@ -140,7 +140,7 @@ class Perceiver:
                 reading = WheelOdometry(ROBOT, item.stamp_ns, item.left, item.right)
                 self.recorder.write(topics.sensor(ROBOT, reading), moment.at_ns, reading)
                 self._estimator.add_odometry(reading)
-                self._wheels_ns = item.stamp_ns
+                self._wheels_ns = max(item.stamp_ns, self._wheels_ns or 0)
             elif isinstance(item, RecordedFrame) and moment.exposes:
                 self._expose(item)
             elif isinstance(item, RecordedFrame):
