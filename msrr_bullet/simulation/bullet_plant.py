@@ -112,10 +112,14 @@ class BulletPlant(Plant):
         self._locks[step.unit] = lock
         return lock
 
-    def _advance(self) -> None:
+    def _take_plugs_along(self) -> None:
         for (unit, _), plug in self._plugs.items():
             if not self.is_asleep(unit):
                 plug.follow()
+
+    def _advance(self) -> None:
+        if self._plugs:
+            self._take_plugs_along()
         self.world.step()
         self.tick += 1
         engaged = []

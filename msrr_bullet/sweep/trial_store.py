@@ -91,8 +91,8 @@ class TrialStore:
         self._path, self._result_type = path, result_type
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            if path.is_file() and 0 < path.stat().st_size < _SMALLEST:  # SQLite writes over one byte
-                raise StoreError(f"{path}: no database; {mend}")
+            if path.is_file() and 0 < path.stat().st_size < _SMALLEST:
+                raise sqlite3.DatabaseError("file is not a database")  # of one byte SQLite makes one
             self._db = sqlite3.connect(path.absolute(), timeout=30.0)  # SQLite has names of its own
             with self._db:
                 tables = {name for (name,) in self._db.execute("SELECT name FROM sqlite_master")}

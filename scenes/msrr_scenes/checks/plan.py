@@ -227,14 +227,7 @@ def fault_problems(scene: Scene) -> list[Problem]:
 
 
 def idle_faults(scene: Scene) -> Iterator[Problem]:
-    """Yield faults that change nothing: they begin too late, or act on what the plan does not use.
-
-    Units on their own do nothing but the docks of the plan; what those do that are led is not known before.
-    """
-    for i, fault in enumerate(scene.faults):
-        if getattr(fault, "from_s", 0.0) >= scene.time_limit_s:
-            text = f"begins when the trial has ended: time_limit_s is {scene.time_limit_s:g}"
-            yield Problem(("faults", i, "from_s"), text)
+    """Yield faults that change nothing, for units on their own do nothing but the docks of the plan."""
     if scene.coordinated:
         return
     docking = {step.unit: None for step in scene.docks}

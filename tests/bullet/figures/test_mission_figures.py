@@ -191,7 +191,7 @@ def test_all_frames_of_a_mission_and_its_film_are_written(mission_by_images):
 def test_the_film_watches_the_unit_that_docks(mission_run):
     annotator = FrameAnnotator(mission_run.log)
     for snapshot in mission_run.snapshots[::50]:
-        docking = [s.unit for s in snapshot.steps if s.phase.value in ("dock", "lock", "verify")]
+        docking = [s.unit for s in snapshot.steps if s.phase.value in ("dock", "lock", "verify", "tug_test")]
         name = annotator.onboard_at(snapshot.stamp_ns)
         assert not docking or name.partition("/")[0] in docking
 

@@ -60,11 +60,6 @@ def faults(*given: str) -> str:
             "faults.0.attempts",
             "none of these is among docking.attempts = 3",
         ),
-        (
-            {"faults": faults("kind: unit_seized, unit: a, from_s: 1000")},
-            "faults.0.from_s",
-            "begins when the trial has ended: time_limit_s is",
-        ),
         *(
             (
                 {"faults": faults(f"kind: {kind}, {where}")},
