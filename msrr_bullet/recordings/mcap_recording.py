@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from msrr_bullet.recordings.images import pixels_of
+from msrr_bullet.recordings.mcap_calibration import find_calibration
 from msrr_bullet.recordings.mcap_messages import (
     DAMAGE,
     DecodedMessage,
@@ -29,18 +27,11 @@ from msrr_bullet.recordings.recording import (
     WheelReading,
 )
 from msrr_bullet.recordings.wheels import JOINT_STATE, ODOMETRY, WHEELS, WheelReader
-from msrr_scenes.errors import SceneError
-from msrr_scenes.loading.calibration_file import calibration_of
-from msrr_scenes.specs.sensors import CalibrationSpec
 
 IMAGES = (
     *("foxglove.CompressedImage", "foxglove.RawImage"),
     *("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"),
 )
-CALIBRATIONS = ("foxglove.CameraCalibration", "sensor_msgs/msg/CameraInfo")
-
-#: Names of images that were rectified: ``image_rect``, ``image_rect_color``, ``image_rectified``.
-_RECTIFIED = re.compile(r"image_rect(ified)?(_.*)?")
 
 #: Name of no topic, by which odometry is left out.
 NONE = "none"
@@ -48,10 +39,9 @@ NONE = "none"
 
 @dataclass(frozen=True, slots=True)
 class _Topics:
-    """Topics of images, and of calibration and odometry if there are any."""
+    """Topics of images, and of odometry if there is any."""
 
     images: str
-    calibration: str | None
     odometry: str | None
 
     def all(self) -> list[str]:
@@ -78,10 +68,8 @@ def open_mcap(
     if image_topic is None:
         found = ", ".join(sorted(set(schemas.values()))) or "nothing"
         raise RecordingError(f"{path}: no images ({' or '.join(IMAGES)}); the file holds {found}")
-    calibrations = [t for t, schema in schemas.items() if schema in CALIBRATIONS]
     chosen = _Topics(
         image_topic,
-        _calibration_of(image_topic, calibrations),
         None if odometry == NONE else _chosen_odometry(path, schemas, odometry, joints is not None),
     )
     if next(iter(read_messages(path, [chosen.images])), None) is None:
@@ -91,11 +79,7 @@ def open_mcap(
         _check_wheels(path, chosen.odometry, wheels())
     start_ns = _earliest_ns(path, chosen)
     items = partial(_items, path, chosen, start_ns, wheels)
-    calibration = None
-    if chosen.calibration is not None:
-        calibration = partial(_read_calibration, path, chosen.calibration, _is_rectified(chosen.images))
-    elif calibrations:
-        calibration = partial(_refuse_others, path, image_topic, calibrations)
+    calibrated_by, calibration = find_calibration(path, image_topic, schemas)
     source = f"{path}, {' and '.join(chosen.all())}"
     unread = ""
     if chosen.odometry is None and odometry != NONE and joints is None:
@@ -108,7 +92,7 @@ def open_mcap(
         chosen.odometry is not None,
         start_ns,
         unread=unread,
-        calibrated_by=chosen.calibration or "",
+        calibrated_by=calibrated_by,
     )
 
 
@@ -151,31 +135,6 @@ def _check_wheels(path: Path, topic: str, reader: WheelReader) -> None:
     raise RecordingError(
         f"{path}: {topic}: no message tells of both {' and '.join(wanted)}, but there are "
         f"{', '.join(sorted(told))}; name two of these as robot.wheel_joints in the target file, {leave_out}"
-    )
-
-
-def _calibration_of(topic: str, candidates: Sequence[str]) -> str | None:
-    """Return the topic of the calibration that belongs to images; None without one, or where several may.
-
-    Its folder holds the images, or lies beside them, and no other one is nearer: ``/camera/camera_info`` is
-    that of ``/camera/image_raw`` and of ``/camera/image_raw/compressed``.
-    """
-    folder = topic.split("/")[:-1]
-    places = {other: other.split("/")[:-1] for other in candidates}
-    steps = {
-        other: abs(len(place) - len(folder))
-        for other, place in places.items()
-        if all(a == b for a, b in zip(place, folder, strict=False))
-    }
-    nearest = [other for other, count in steps.items() if count == min(steps.values())]
-    return nearest[0] if len(nearest) == 1 else None
-
-
-def _refuse_others(path: Path, topic: str, candidates: Sequence[str]) -> CalibrationSpec:
-    """Refuse calibrations of which none is by its name that of the images."""
-    raise RecordingError(
-        f"{path}: which of {', '.join(sorted(candidates))} is the calibration of {topic}, their names do not "
-        "tell; give --calibration FILE"
     )
 
 
@@ -243,65 +202,3 @@ def _stamp(path: Path, found: DecodedMessage) -> int:
             "belongs together; record with clocks that agree, or stamp it anew"
         )
     return stamp_ns
-
-
-def _is_rectified(topic: str) -> bool:
-    """Return whether images are rectified, by the names that ``image_proc`` of ROS gives to their topics.
-
-    Compressed images have the name of their transport behind that.
-    """
-    return any(_RECTIFIED.fullmatch(part) for part in topic.split("/")[-2:])
-
-
-def _read_calibration(path: Path, topic: str, rectified: bool) -> CalibrationSpec:
-    """Return the calibration of raw images, K and D, or that of rectified ones, which is in P.
-
-    It is that of the first message that has one.
-
-    Raises:
-        RecordingError: There is none, or one that cannot be used.
-    """
-    which, name = "P" if rectified else "K", f"{path}: {topic}"
-    found = None
-    for found in read_messages(path, [topic]):  # the first ones may be of a driver that was not ready
-        with suppress(*DAMAGE):
-            if any(_field(found.message, which)):
-                break
-    if found is None:
-        raise RecordingError(f"{name}: no message; give --calibration FILE")
-    message: Any = found.message
-    try:
-        size = int(message.width), int(message.height)
-        matrix = [float(number) for number in _field(message, which)]
-        lens = [] if rectified else [float(number) for number in _field(message, "D")]
-        model = "" if rectified else str(message.distortion_model)
-        whole = _shows_all(message, size)
-    except DAMAGE as error:
-        raise RecordingError(f"{name}: not a {found.schema}: {error}") from None
-    if not any(matrix):
-        text = "P, by which rectified images are read," if rectified else "K"
-        raise RecordingError(f"{name}: the camera is not calibrated: {text} is 0; give --calibration FILE")
-    if not whole:
-        raise RecordingError(f"{name}: of binned or cut pictures; give --calibration FILE for what they are")
-    if rectified:
-        matrix = [*matrix[0:3], *matrix[4:7], *matrix[8:11]]
-    try:
-        return calibration_of(size, matrix, lens, model, name)
-    except SceneError as error:
-        raise RecordingError(f"{error}; give --calibration FILE") from None
-
-
-def _field(message: Any, name: str) -> Any:
-    """Return a field of a calibration, whose name ROS 2 writes in small letters."""
-    return getattr(message, name) if hasattr(message, name) else getattr(message, name.lower())
-
-
-def _shows_all(message: Any, size: tuple[int, int]) -> bool:
-    """Return whether the images show all pixels of the sensor, each by itself; zeros say so as well."""
-    if max(getattr(message, "binning_x", 0), getattr(message, "binning_y", 0)) > 1:
-        return False
-    region = getattr(message, "roi", None)
-    if region is None:
-        return True
-    place, extent = (region.x_offset, region.y_offset), (region.width, region.height)
-    return place == (0, 0) and extent in ((0, 0), size)
