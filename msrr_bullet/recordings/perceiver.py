@@ -91,7 +91,7 @@ class Perceiver:
     report: Callable[[str], None]
     motion: MotionNoise | None = None
     without_wheels: list[tuple[int, int]] = field(default_factory=list, init=False)
-    _wheels_ns: int | None = field(default=None, init=False)
+    _wheels_ns: int | None = field(default=None, init=False)  # newest reading, or the first frame before it
     _exposed_ns: int | None = field(default=None, init=False)
     _arriving: dict[int, Detections] = field(default_factory=dict, init=False)
 
@@ -174,12 +174,12 @@ class Perceiver:
         self._arriving[frame.number] = self._vision.detect(exposure, prediction, fetch)
 
     def _look_for_wheels(self, stamp_ns: int) -> None:
-        """Take a note of a frame that is exposed long after the last wheel reading, or before the first."""
-        since_ns = stamp_ns if self._wheels_ns is None else self._wheels_ns
-        if self.motion is not None or (self._wheels_ns is not None and stamp_ns - since_ns <= _SILENT_NS):
+        """Take a note of a frame that is exposed long after the last wheel reading, or the first frame."""
+        since_ns = self._wheels_ns = stamp_ns if self._wheels_ns is None else self._wheels_ns
+        if self.motion is not None or stamp_ns - since_ns <= _SILENT_NS:
             return
         spans = self.without_wheels
-        if spans and (self._wheels_ns is None or spans[-1][0] == since_ns):
+        if spans and spans[-1][0] == since_ns:
             spans[-1] = spans[-1][0], stamp_ns
         else:
             spans.append((since_ns, stamp_ns))

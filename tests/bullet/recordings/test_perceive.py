@@ -175,6 +175,7 @@ def test_odometry_that_pauses_is_named(trial: Trial, tmp_path: Path) -> None:
     for begin_s, until_s, spans in (
         (9.0, 9.0, 0),
         (3.0, 4.0, 0),
+        (0.0, 1.0, 0),
         (1.0, 3.0, 1),
         (0.0, 2.0, 1),
         (5.0, 99.0, 1),
