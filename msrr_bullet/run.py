@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import ExitStack, closing, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -98,8 +98,14 @@ def run_trial(
             result = Trial(
                 scene, seed, recorder=recorder, viewer=viewer, observer=observer, profiler=profiler
             ).run(wall_limit_s)
+            # A listener that keeps pace with the wall clock makes closing the log take seconds, and an
+            # interrupt in them is to cost no result.
+            if out is not None:
+                with _telling_outcome(out, result):
+                    write_whole(out / RESULT_NAME, result.to_json())
         if out is not None:
-            _write_derived_files(out, result)
+            with _telling_outcome(out, result):
+                _draw_run(out, result)
             result = result.model_copy(update={"folder": out})
     return result
 
@@ -144,11 +150,11 @@ class _RunRecorder:
         return self._log
 
 
-def _write_derived_files(out: Path, result: TrialResult) -> None:
-    """Write what follows from the log; the result comes first, in case a later file cannot be written."""
+@contextmanager
+def _telling_outcome(out: Path, result: TrialResult) -> Iterator[None]:
+    """Tell how the trial ended where a file that follows from it cannot be written."""
     try:
-        write_whole(out / RESULT_NAME, result.to_json())
-        _draw_run(out, result)
+        yield
     except OSError as error:
         kept = f"the trial ended as {result.outcome.value}, and {LOG_NAME} has all of it"
         text = f"{error.filename or out}: cannot be written ({error.strerror}); {kept}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import signal
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,13 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from msrr_bullet.log import read_log
+from msrr_bullet.log import read_log, topics
 from msrr_bullet.run import run_trial
 from msrr_bullet.run_folder import RUN_FILES, RunFolderError
 from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress
 from msrr_scenes.errors import MsrrError
+from msrr_scenes.messages import NS_PER_S
+from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
 Load = Callable[..., Scene]
@@ -200,6 +203,23 @@ def test_a_page_that_finds_no_room_costs_neither_the_verdict_nor_the_log(
         run_trial(shipped("close_range", SHORT, blind=True), SEED, out=tmp_path)
     assert read_log(tmp_path).complete
     assert (tmp_path / "result.json").is_file()
+
+
+def test_ctrl_c_while_the_log_is_closed_costs_no_result(
+    interruptible: None, shipped: Load, tmp_path: Path
+) -> None:
+    """A listener that keeps pace with the wall clock sends the last messages seconds after the verdict."""
+
+    def interrupt(topic: str, kind: object, stamp_ns: int, data: bytes) -> None:
+        if topic == topics.EVENTS and stamp_ns >= NS_PER_S and not interrupted:
+            interrupted.append(stamp_ns)
+            os.kill(os.getpid(), signal.SIGINT)
+
+    interrupted: list[int] = []
+    with pytest.raises(KeyboardInterrupt):
+        run_trial(shipped("close_range", SHORT, blind=True), SEED, out=tmp_path, listener=interrupt)
+    assert read_log(tmp_path).complete
+    assert TrialResult.from_json((tmp_path / "result.json").read_text()).outcome is Outcome.TIMEOUT
 
 
 def test_two_runs_into_one_folder_at_the_same_time_are_refused(shipped: Load, tmp_path: Path) -> None:
