@@ -46,8 +46,8 @@ def mcnemar(first: ArrayLike, second: ArrayLike) -> PairedCount:
 #: bootstrap tells equal samples apart in more than the 5 % of cases that its level says.
 _LEAST_BEYOND = 2.0
 
-#: Least number of trials with which a median gets one: five equal ones lie on one side once in 16 times.
-_LEAST = 6
+#: Least number of trials with which a median gets one, for the same reason.
+_LEAST = 9
 
 #: How many trials are drawn at once: more take more memory, and no less time.
 _DRAWN_AT_ONCE = 1_000_000
@@ -57,7 +57,7 @@ class Difference(NamedTuple):
     """A quantile of one sample minus that of another, with its 95 % interval.
 
     The interval is None if there are too few trials for it: fewer than 40 for a 95th or 5th percentile, fewer
-    than 6 for a median.
+    than 9 for a median.
     """
 
     value: float

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -29,7 +29,7 @@ from msrr_bullet.cli.options import (
     write_outputs,
 )
 from msrr_bullet.wall_limit import DEFAULT_WALL_LIMIT_S
-from msrr_scenes.errors import ChangedFileError, MsrrError, SceneError
+from msrr_scenes.errors import MsrrError, SceneError
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.wording import counted
 
@@ -143,17 +143,17 @@ def sweep(
                 ended.add(outcome, stored)
                 shown.show(outcome, stored)
 
-            with naming_overrides(given):
-                interrupted, stopped = _run_trials(
-                    scenes,
-                    shown.checking(scenes, wanted),
-                    kept,
-                    dask,
-                    jobs,
-                    wall_limit,
-                    observe,
-                    partial(bar.console.print, highlight=False),
-                )
+            interrupted, stopped = _run_trials(
+                scenes,
+                given,
+                shown.checking(scenes, wanted),
+                kept,
+                dask,
+                jobs,
+                wall_limit,
+                observe,
+                partial(bar.console.print, highlight=False),
+            )
             if stopped is not None and not ended.outcomes():
                 raise stopped
             summaries = ended.summaries(interrupted=interrupted)
@@ -180,6 +180,7 @@ def sweep(
 
 def _run_trials(
     scenes: Sequence[Scene],
+    overrides: Mapping[str, str],
     batches: Iterable[tuple[Scene, Sequence[int]]],
     store: Path | None,
     dask: str | None,
@@ -201,20 +202,21 @@ def _run_trials(
 
     run = partial(run_trials, batches, store=store, observer=observer, wall_limit_s=wall_limit_s)
     try:
-        if dask is not None:
-            with dask_cluster(dask) as cluster:
-                finished = run(cluster.slots, executor=cluster.executor)
-        else:
-            for scene in scenes:
-                prepare_cameras(scene, say)
-            finished = run(jobs or DEFAULT_JOBS)
+        with naming_overrides(overrides):
+            if dask is not None:
+                with dask_cluster(dask) as cluster:
+                    finished = run(cluster.slots, executor=cluster.executor)
+            else:
+                for scene in scenes:
+                    prepare_cameras(scene, say)
+                finished = run(jobs or DEFAULT_JOBS)
         if finished.outdated:
             results = counted(finished.outdated, "result")
             say(f"not taken from the store, for code or packages have changed since: {results}")
         return finished.interrupted, None
     except StoreError as error:
         return True, StoreError(f"{error} (--store), or none (--fresh)")
-    except (Terminated, ChangedFileError) as error:
+    except (Terminated, MsrrError) as error:
         return True, error
 
 

@@ -11,6 +11,7 @@ from msrr_bullet.cli.console import open_console, status_line
 from msrr_bullet.cli.exit_codes import BAD_INPUT, PROGRAM_ERROR, report_error
 from msrr_bullet.cli.options import (
     DEFAULT_JOBS,
+    RUNS,
     SEEDS_HELP,
     Jobs,
     Overrides,
@@ -58,7 +59,7 @@ def tolerance(
         Path | None,
         typer.Option(
             help="Folder of page, figure, JSON and trials, from which a stopped study resumes.",
-            show_default="runs/tolerance/SCENE",
+            show_default="runs/tolerance/SCENE-HASH",
         ),
     ] = None,
     jobs: Jobs = DEFAULT_JOBS,
@@ -70,13 +71,13 @@ def tolerance(
     The report says what to build more precisely first. Ctrl-C ends it after the trials that are running; a
     second one ends it at once.
     """
-    from msrr_scenes.loading.load import load_scene
+    from msrr_scenes.loading.load import load_scene, scene_hash
 
     use_one_thread_per_process()
     given = parse_overrides(overrides)
     with naming_overrides(given):
         loaded = load_scene(scene, given, told_as="--set")
-    folder = out if out is not None else Path("runs") / "tolerance" / loaded.name
+    folder = out if out is not None else RUNS / "tolerance" / f"{loaded.name}-{scene_hash(loaded)[:6]}"
     arguments = {"seeds": parse_seeds(seeds), "grade_seeds": parse_seeds(grade_seeds, "--grade-seeds")}
     if len(arguments["seeds"]) < 2:
         raise SceneError(f"--seeds {seeds}: a study needs two seeds or more, one for each sign of an error")
@@ -92,6 +93,7 @@ def tolerance(
                 folder,
                 effects=effects.split(",") if effects is not None else (),
                 grades=wanted,
+                overrides=given,
                 jobs=jobs,
                 wall_limit_s=wall_limit,
                 on_progress=lambda text: show(f"{loaded.name}, {text}"),

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any, NamedTuple
 
+from msrr_bullet.sweep.spawned_pool import starting_deaf
 from msrr_bullet.sweep.worker_pool import SupportsSubmit
 from msrr_scenes.errors import MsrrError
 
@@ -43,19 +44,19 @@ def dask_cluster(address: str) -> Iterator[Cluster]:
     """
     try:
         from distributed import Client, LocalCluster
-    except ModuleNotFoundError:
-        raise ClusterError("--dask needs the package distributed: pip install 'msrr-bullet[dask]'") from None
+    except ModuleNotFoundError as error:  # of it, or of what it needs
+        needed = f"--dask needs the package {error.name}: pip install 'msrr-bullet[dask]'"
+        raise ClusterError(needed) from None
     with ExitStack() as stack:
         target: Any = address
         if address.startswith(_LOCAL):
-            target = stack.enter_context(
-                LocalCluster(  # on the loopback interface
-                    n_workers=_number(address),
-                    threads_per_worker=1,
-                    host="127.0.0.1",
-                    dashboard_address=None,
+            number = _number(address)
+            with starting_deaf():
+                target = stack.enter_context(
+                    LocalCluster(  # on the loopback interface
+                        n_workers=number, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+                    )
                 )
-            )
         try:
             client = stack.enter_context(Client(target, timeout=_TIMEOUT_S))
             client.wait_for_workers(1, timeout=_TIMEOUT_S)

@@ -8,6 +8,8 @@ import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from multiprocessing.context import SpawnContext, SpawnProcess
 from multiprocessing.process import BaseProcess
 from typing import Any
@@ -30,6 +32,22 @@ def end_with_parent() -> None:
 def _follow(parent: BaseProcess) -> None:
     parent.join()  # on a pipe that the parent alone holds open
     os._exit(1)  # the main thread may be in the middle of a trial, whose result nobody waits for
+
+
+@contextmanager
+def starting_deaf() -> Iterator[None]:
+    """Let processes and threads that are started meanwhile never learn of Ctrl-C, the parent's to answer.
+
+    They start with the blocked signals of the thread that starts them; what a process did about Ctrl-C
+    itself, it would do after its imports, which take a second.
+    """
+    resource_tracker.ensure_running()  # the first process starts it otherwise, which ends the blocking
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ())  # by itself: Ctrl-C may come amid a change
+    try:
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class _NotingContext(SpawnContext):
@@ -60,14 +78,8 @@ class SpawnedPool(ProcessPoolExecutor):
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Start ``fn(*args, **kwargs)`` in a worker, which may be started for it."""
-        # A process starts with the blocked signals of its parent; what it did about Ctrl-C itself, it would
-        # do after its imports, which take a second.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, ())  # by itself: Ctrl-C may come amid a change
-        try:
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        with starting_deaf():
             return super().submit(fn, *args, **kwargs)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
     def map(
         self,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,9 @@ CREATE TABLE IF NOT EXISTS trials (
 COMMIT;
 """
 
+
+#: A row of a table.
+_Row = tuple[Any, ...]
 
 #: Errors of SQLite. Where a file is damaged, the text of one may hold bytes that Python cannot decode.
 _ERRORS = (sqlite3.Error, UnicodeDecodeError)
@@ -156,23 +159,29 @@ class TrialStore:
         """
         for other in others:
             check_store(other)
+        sources = []
+        for other in others:  # read before it is added, for what cannot be read would spoil this store
+            with TrialStore(other) as source:
+                rows = source._rows("SELECT * FROM trials")
+                trials = [(row, source._result(row[1], row[4])) for row in rows]
+                sources.append((other, source._rows("SELECT * FROM scenes"), trials))
         try:
             with self._db:  # one transaction
-                return [self._add(other) for other in others]
+                self._db.execute("BEGIN IMMEDIATE")  # before the first look: a sweep may write here, too
+                return [self._add(*source) for source in sources]
         except _ERRORS as error:
             raise self._unwritten(error) from None
 
-    def _add(self, other: Path) -> tuple[int, int]:
-        with TrialStore(other) as source:
-            scenes, trials = source._rows("SELECT * FROM scenes"), source._rows("SELECT * FROM trials")
+    def _add(
+        self, other: Path, scenes: Sequence[_Row], trials: Sequence[tuple[_Row, TrialResult]]
+    ) -> tuple[int, int]:
         failed = Outcome.PROGRAM_FAILED.value
         added = []
-        for row in trials:
+        for row, result in trials:
             query = "SELECT outcome, result FROM trials WHERE scene_hash = ? AND seed = ? AND code = ?"
             here = self._rows(query, row[:3])
             if here and here[0][1] == row[4]:
                 continue
-            result = source._result(row[1], row[4])  # read before it is added, for it would spoil this store
             if not here or (here[0][0] == failed and row[3] != failed):
                 added.append(row)
             elif row[3] != failed and self._result(row[1], here[0][1]).versions == result.versions:
@@ -203,7 +212,7 @@ class TrialStore:
         text = f"cannot be written ({error}); make room, end what else uses it, or name another store"
         return StoreError(f"{self._path}: {text}")
 
-    def _rows(self, query: str, values: tuple[object, ...] = ()) -> list[tuple[Any, ...]]:
+    def _rows(self, query: str, values: tuple[object, ...] = ()) -> list[_Row]:
         try:
             return self._db.execute(query, values).fetchall()
         except _ERRORS as error:

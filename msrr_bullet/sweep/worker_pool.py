@@ -41,7 +41,7 @@ class TrialTask(NamedTuple):
 _OVERDUE_S = 15.0
 
 #: What is said where an executor that was given gives a trial up.
-_DROPPED = "the executor has dropped a trial; what is done so far is kept in the store"
+_DROPPED = "the executor has dropped a trial; see whether its scheduler and its workers still run"
 
 _DIED = "the process of this trial died: by a crash of compiled code, killed, as for memory, or by os._exit"
 

@@ -16,6 +16,7 @@ from pydantic import BaseModel
 from msrr_bullet.statistics import Quantiles, Rate, quantiles, wilson
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.as_built import Grade
+from msrr_scenes.specs.control import Perception, Plant
 
 
 class StudyPart(BaseModel, frozen=True, extra="forbid"):
@@ -192,6 +193,10 @@ class ToleranceStudy(StudyPart):
 
     Attributes:
         scene: Name of the scene.
+        scene_hash: Hash of the scene that was given, overrides included.
+        overrides: Values that were set in the scene for this study, by key.
+        plant: Plant that moved the units.
+        perception: Kind of perception of the robots.
         told: Tolerances that the robots know while effects are tried alone.
         versions: Versions of Python and packages.
         all_graded: Whether all effects that the grades have and that act in the scene were tried.
@@ -202,6 +207,10 @@ class ToleranceStudy(StudyPart):
     """
 
     scene: str
+    scene_hash: str
+    overrides: dict[str, str] = {}
+    plant: Plant
+    perception: Perception
     told: str
     versions: dict[str, str]
     all_graded: bool = True

@@ -6,7 +6,7 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from msrr_bullet.run_folder import ProgressListener, make_folder, progress_log
+from msrr_bullet.run_folder import ProgressListener, locked, make_folder, progress_log
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_store import study_store
 from msrr_bullet.sweep.trials import one_trial, run_trials
@@ -36,6 +36,7 @@ def run_study(
     grade_seeds: Sequence[int],
     effects: Sequence[str] = (),
     grades: Sequence[Grade] = tuple(GRADES),
+    overrides: Mapping[str, str] | None = None,
     jobs: int = 1,
     wall_limit_s: float | None = None,
     on_progress: ProgressListener = lambda text: None,
@@ -46,30 +47,34 @@ def run_study(
     progress is also written to ``out/progress.txt``, so that a run in the background can be followed.
 
     The folder ``out`` is created if it does not exist; ``effects`` are names of effects or of their groups,
-    and without any, all that act in the scene. All else is that of :func:`tolerance_study`.
+    and without any, all that act in the scene. The report tells the values that were set in the scene,
+    ``overrides``, by key. All else is that of :func:`tolerance_study`.
 
     Raises:
         StoreError: ``out/trials.sqlite`` is something else.
+        RunFolderError: The folder cannot be written, or another study is under way in it.
     """
     known = effects_of(scene)
     chosen = select_effects(known, effects) if effects else known
     make_folder(out)
-    store = study_store(out)
-    report = progress_log(out, on_progress)
-    report("checking the scenes of the first round")
-    study = tolerance_study(
-        scene,
-        chosen,
-        grades,
-        seeds=seeds,
-        grade_seeds=grade_seeds,
-        all_graded={e.name for e in known if e.graded} <= {e.name for e in chosen},
-        store=store,
-        jobs=jobs,
-        wall_limit_s=wall_limit_s,
-        on_progress=report,
-    )
-    write_study(study, out)
+    with locked(out):
+        store = study_store(out)
+        report = progress_log(out, on_progress)
+        report("checking the scenes of the first round")
+        found = tolerance_study(
+            scene,
+            chosen,
+            grades,
+            seeds=seeds,
+            grade_seeds=grade_seeds,
+            all_graded={e.name for e in known if e.graded} <= {e.name for e in chosen},
+            store=store,
+            jobs=jobs,
+            wall_limit_s=wall_limit_s,
+            on_progress=report,
+        )
+        study = found.model_copy(update={"overrides": dict(overrides or {})})
+        write_study(study, out)
     return study
 
 
@@ -143,6 +148,9 @@ def tolerance_study(
     under, alone = others[: len(grades)], others[len(grades) :]
     return ToleranceStudy(
         scene=scene.name,
+        scene_hash=scene_hash(scene),
+        plant=scene.plant,
+        perception=scene.perception,
         told=str(scene.as_built.told()),
         versions=package_versions(),
         all_graded=all_graded,

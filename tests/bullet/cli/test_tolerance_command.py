@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from msrr_bullet.cli.app import run
+from msrr_bullet.run_folder import locked
 from msrr_bullet.tolerance.model import Sample, StudyTrial, ToleranceStudy
 
 
@@ -55,6 +56,9 @@ def test_a_study_in_which_a_class_of_a_user_s_own_fails_says_so(
     ]
     study = ToleranceStudy(
         scene="close_range",
+        scene_hash="",
+        plant="bullet",
+        perception="images",
         told="careful",
         versions={},
         seeds=(0, 1, 2),
@@ -66,6 +70,14 @@ def test_a_study_in_which_a_class_of_a_user_s_own_fails_says_so(
     assert run(["tolerance", "close_range", "--out", str(tmp_path)]) == 2
     said = "msrr: the program of a unit failed in 2 trials; the first one: as designed, seed 1\n"
     assert capsys.readouterr().err == said
+
+
+def test_two_studies_in_one_folder_at_the_same_time_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with locked(tmp_path):
+        assert run(["tolerance", "close_range", "--out", str(tmp_path)]) == 2
+    assert "another run is under way in this folder; choose another --out" in capsys.readouterr().err
 
 
 @pytest.mark.nightly

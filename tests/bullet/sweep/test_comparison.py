@@ -136,7 +136,7 @@ def test_levels_that_the_table_does_not_have_are_named(
     assert says in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("trials", "intervals"), [(1, 0), (5, 0), (6, 1), (39, 1), (40, 2)])
+@pytest.mark.parametrize(("trials", "intervals"), [(1, 0), (8, 0), (9, 1), (39, 1), (40, 2)])
 def test_a_few_trials_do_not_tell_two_sweeps_apart(
     scene: Scene, tmp_path: Path, trials: int, intervals: int, capsys: pytest.CaptureFixture[str]
 ) -> None:

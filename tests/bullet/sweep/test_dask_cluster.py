@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from msrr_bullet.cli.app import run
-from msrr_bullet.sweep.dask_cluster import ClusterError, dask_cluster
+from msrr_bullet.sweep.dask_cluster import Cluster, ClusterError, dask_cluster
 from msrr_bullet.sweep.remote_trial import OtherCodeError
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.sweep import run_sweep
@@ -89,6 +93,63 @@ def test_workers_of_several_threads_are_refused(tmp_path: Path) -> None:
         stack.enter_context(running("dask_worker", *found, "--nthreads", "2", "--no-nanny"))
         with pytest.raises(ClusterError, match="has 2 threads; start workers"):
             stack.enter_context(dask_cluster(address))
+
+
+@pytest.mark.nightly
+def test_ctrl_c_of_a_terminal_reaches_no_worker_of_this_machine(
+    short_trial: dict[str, str], tmp_path: Path
+) -> None:
+    """They died of it, and the sweep waited for their trials."""
+    pytest.importorskip("distributed")  # an extra
+    given = [f"--set={key}={value}" for key, value in short_trial.items()]
+    table = tmp_path / "trials.csv"
+    command = ["msrr", "sweep", "close_range", "--seeds", "0:1000", *given, "--fresh", "--dask", "local:1"]
+    sweep = subprocess.Popen(
+        [sys.executable, "-c", "from msrr_bullet.cli import main; main()", *command[1:], "--csv", str(table)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        process_group=0,
+        cwd=tmp_path,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    with sweep:
+        time.sleep(30.0)  # trials are running by then
+        os.killpg(sweep.pid, signal.SIGINT)
+        _, errors = sweep.communicate(timeout=60.0)
+    assert sweep.returncode == 130
+    assert b"Traceback" not in errors
+    assert len(table.read_text().splitlines()) > 1
+
+
+def test_a_cluster_that_goes_away_costs_no_finished_trial(
+    short_trial: dict[str, str],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Their table was not written, and without a store they were lost."""
+
+    class Leaving:
+        begun = 0
+
+        def submit(self, fn: Callable[..., Any], /, *args: Any) -> Future[Any]:
+            self.begun += 1
+            if self.begun < 4:
+                return inline.submit(fn, *args)
+            gone: Future[Any] = Future()
+            gone.cancel()
+            return gone
+
+    cluster = nullcontext(Cluster(Leaving(), lambda: 1))
+    monkeypatch.setattr("msrr_bullet.sweep.dask_cluster.dask_cluster", lambda address: cluster)
+    given = [f"--set={key}={value}" for key, value in short_trial.items()]
+    table = tmp_path / "trials.csv"
+    command = ["sweep", "close_range", "--seeds", "0:9", *given, "--fresh", "--dask", "tcp://cluster:8786"]
+    assert run([*command, "--csv", str(table)]) == 2
+    said = capsys.readouterr()
+    assert "the executor has dropped a trial" in said.err
+    assert "3 trials" in said.out
+    assert len(table.read_text().splitlines()) == 1 + 3
 
 
 def test_a_worker_with_other_code_ends_the_sweep(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:

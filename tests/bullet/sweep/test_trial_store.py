@@ -110,6 +110,25 @@ def test_a_failed_program_gives_way_to_a_result(scene: Scene, tmp_path: Path, in
         assert store.get(good.scene_hash, "code", [0]) == {0: good}
 
 
+def test_nothing_is_stored_between_the_look_of_a_merge_and_its_writing(scene: Scene, tmp_path: Path) -> None:
+    """A failed result of another store replaced the good one that a sweep had stored meanwhile."""
+    target, refused = tmp_path / "target.sqlite", []
+
+    class Watched(TrialStore):
+        def _add(self, *source: Any) -> tuple[int, int]:
+            with closing(sqlite3.connect(target, timeout=0.0)) as sweep:
+                with pytest.raises(sqlite3.OperationalError, match="locked"):
+                    sweep.execute("DELETE FROM trials")
+                refused.append(sweep)
+            return super()._add(*source)
+
+    with TrialStore(tmp_path / "source.sqlite") as source:
+        source.put(made_up(scene, 0), "code")
+    with Watched(target) as store:
+        assert store.merge(tmp_path / "source.sqlite") == [(1, 0)]
+    assert len(refused) == 1
+
+
 def test_stores_are_merged_and_a_contradiction_changes_nothing(
     scene: Scene, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

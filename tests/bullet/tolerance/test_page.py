@@ -50,6 +50,14 @@ def test_the_page_needs_nothing_but_itself(folder: Path) -> None:
     assert "url(" not in (folder / "tolerance.html").read_text()
 
 
+def test_the_page_tells_what_was_studied(study: ToleranceStudy, tmp_path: Path) -> None:
+    """Two studies of one scene with other values looked alike."""
+    write_study(study.model_copy(update={"overrides": {"cameras.onboard.noise_grey": "8"}}), tmp_path)
+    words = " ".join(Page((tmp_path / "tolerance.html").read_text()).words.split())
+    said = f"({study.scene_hash[:6]}), plant {study.plant}, perception {study.perception}"
+    assert f"{said}, --set cameras.onboard.noise_grey=8." in words
+
+
 def test_the_page_shows_every_effect_and_grade(folder: Path, study: ToleranceStudy) -> None:
     page = Page((folder / "tolerance.html").read_text())
     for name in [e.name for e in study.effects] + [g.grade for g in study.grades]:
