@@ -271,8 +271,8 @@ class Coordinator:
                 self._end(MissionState.COMPLETE, "all tasks are done")
             else:
                 told = "; ".join(f"{name}: {why}" for name, why in failed.items())
-                lost = [f"{u.name}: {u.reason}" for u in units if u.out_of_action and u.reason not in told]
-                self._end(MissionState.INCOMPLETE, "; ".join([told, *lost]))
+                out = [f"{u.name}: {u.reason}" for u in units if u.out_of_action and not _is_told(u, told)]
+                self._end(MissionState.INCOMPLETE, "; ".join([told, *out]))
             return
         if not self._all_rest(now_ns) or self._changed or self._hopeless_ns is None:
             self._hopeless_ns = now_ns
@@ -319,3 +319,8 @@ class Coordinator:
 
     def _end(self, state: MissionState, reason: str) -> None:
         self._state, self._reason = state, reason
+
+
+def _is_told(unit: UnitRecord, text: str) -> bool:
+    """Return whether a text says already that a unit is out of action, and why."""
+    return any(f" {unit.name} {how}: {unit.reason}" in text for how in ("failed", "has failed", "is lost"))

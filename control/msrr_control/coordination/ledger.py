@@ -165,7 +165,7 @@ class UnitRecord:
     @property
     def stands_at_limit(self) -> bool:
         """Whether the unit has come to rest where its authority ends."""
-        return self.rests and self.progress >= self.limit - SAME_M
+        return self.stands and self.progress >= self.limit - SAME_M
 
     def receive(self, report: UnitReport, now_ns: int) -> None:
         """Take in a report, unless a newer one is known."""

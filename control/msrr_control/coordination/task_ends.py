@@ -110,4 +110,5 @@ class TaskEnds:
         if taken_by not in (None, unit.name):
             return f"cannot dock: {port} is taken by {taken_by}"
         closing = [] if X_WE is None else self.closing(X_WE, unit.name, enters)
-        return f"cannot dock: {', '.join(closing)} closes the lane to {port}" if closing else None
+        close = "close" if len(closing) > 1 else "closes"
+        return f"cannot dock: {', '.join(closing)} {close} the lane to {port}" if closing else None

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from msrr_control.shapes.tasks import Task, TaskState
 
-#: Number of units that may fail at a task before it is given up.
+#: Number of units that may fail in the leg into a port before the task is given up: the port may be to blame.
 _MOST_FAILURES = 3
 
 
@@ -66,11 +66,14 @@ class TaskList:
         if self._states[name] is TaskState.DONE:
             self._states[name] = TaskState.OPEN
 
-    def fail(self, name: str, reason: str) -> None:
-        """Note that the unit failed; the task is open for another one, unless too many failed or none may."""
+    def fail(self, name: str, reason: str, in_dock_leg: bool) -> None:
+        """Note that the unit failed; the task is open for another one, unless none may do it.
+
+        It is given up, too, if too many units have failed in the leg into its port.
+        """
         if self._states[name] is not TaskState.GRANTED:
             return
-        self._failures[name] += 1
+        self._failures[name] += in_dock_leg
         self._states[name] = TaskState.OPEN
         if self.by_name[name].unit is not None or self._failures[name] >= _MOST_FAILURES:
             self.give_up(name, reason)

@@ -95,5 +95,5 @@ def _find(unit: UnitRecord, tasks: TaskList, now_ns: int) -> None:
 def _fail(unit: UnitRecord, reason: str, tasks: TaskList, now_ns: int) -> None:
     """Note that a unit has failed; its task is open for another one."""
     if unit.task is not None and unit.under_way:  # a task that it had before may be another one's by now
-        tasks.fail(unit.task, f"{unit.name} failed: {reason}")
+        tasks.fail(unit.task, f"{unit.name} failed: {reason}", unit.in_dock_leg)
     unit.stand(now_ns, reason, UnitState.FAILED)

@@ -111,6 +111,21 @@ def test_a_unit_that_fails_is_replaced_by_a_spare(rig: type[Rig], starts: Starts
     assert "u3" not in run.joints
 
 
+def test_a_mission_names_every_unit_that_failed_for_the_same_reason(rig: type[Rig]) -> None:
+    """A unit was left out whose reason another one has, too: here one that made way, which is no task."""
+    there = MoveStep(move="a", name="there", pose=PoseSpec(x_m=1.0, y_m=0.0))
+    run = rig(Mission(steps=[there]), {"a": SE2(-1.2, 0.0, 0.0), "b": SE2(1.0, 0.0, 0.0)})
+    a, b = run.units["a"], run.units["b"]
+    while run.status.state is MissionState.RUNNING and run.now_ns < 200e9:
+        run.step()
+        if math.hypot(b.X_WU.x - 1.0, b.X_WU.y) > 0.12:
+            b.dies_s = 0.0
+        if a.speed > 0.05:
+            a.dies_s = 0.0
+    assert run.status.state is MissionState.INCOMPLETE
+    assert run.status.reason == "there: a failed: seized; b: seized"
+
+
 def test_a_unit_that_its_collision_monitor_holds_gets_another_route(rig: type[Rig], starts: Starts) -> None:
     """Without a spare, over a bad radio: until it has another one, it may drive on on the one it has."""
     shape = build_pattern("cross", 5)

@@ -12,7 +12,7 @@ def _hops() -> TaskList:
     for unit in "ab":
         tasks.grant(f"{unit} hops")
     tasks.finish("a hops")
-    tasks.fail("b hops", "b failed: seized")
+    tasks.fail("b hops", "b failed: seized", in_dock_leg=False)
     return tasks
 
 

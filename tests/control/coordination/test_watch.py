@@ -59,6 +59,16 @@ def test_a_lost_unit_in_a_port_is_found_unseen() -> None:
         assert Watch(PATIENCE).is_found(unit) is found
 
 
+@pytest.mark.parametrize(("short_m", "waits"), [(0.0, True), (10.0 * SAME_M, False)])
+def test_one_that_hears_nothing_waits_where_its_authority_ends_and_not_short_of_it(
+    short_m: float, waits: bool
+) -> None:
+    """It kept its route for ever, and with it the ground on which others were to drive."""
+    unit = UnitRecord("a", SE2(), state=UnitState.UNDER_WAY, route=1, limit=0.5, progress=0.5 - short_m)
+    unit.report, unit.expired = _told(UnitMode.STANDING, EXPIRED_S), True
+    assert Watch(PATIENCE).waits(unit) is waits
+
+
 @pytest.mark.parametrize("turned", [-1.0, 1.0])
 @pytest.mark.parametrize("tolerance", [DEFAULT_TOLERANCE, DEFAULT_TOLERANCE.widened(0.002, 0.04)])
 def test_a_move_is_done_by_place_and_by_heading(turned: float, tolerance: GoalTolerance) -> None:

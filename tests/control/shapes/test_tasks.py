@@ -110,17 +110,21 @@ def test_what_depends_on_a_lost_task_is_lost_with_it_and_nothing_else() -> None:
     assert [task.name for task in tasks.ready()] == ["d"]
 
 
-def test_a_task_is_open_for_others_until_too_many_have_failed() -> None:
+def test_a_task_is_open_for_others_until_too_many_have_failed_at_its_port() -> None:
     tasks = TaskList([_dock("a", None), Task("named", TaskKind.MOVE, unit="u")])
     for _ in range(2):
         tasks.grant("a")
-        tasks.fail("a", "seized")
+        tasks.fail("a", "the port is plugged", in_dock_leg=True)
+        assert tasks.state("a") is TaskState.OPEN
+    for _ in range(5):  # on their way there, for which the port is not to blame
+        tasks.grant("a")
+        tasks.fail("a", "seized", in_dock_leg=False)
         assert tasks.state("a") is TaskState.OPEN
     tasks.grant("a")
-    tasks.fail("a", "seized")
+    tasks.fail("a", "the port is plugged", in_dock_leg=True)
     assert tasks.state("a") is TaskState.GIVEN_UP
     tasks.grant("named")
-    tasks.fail("named", "seized")  # nobody else may do it
+    tasks.fail("named", "seized", in_dock_leg=False)  # nobody else may do it
     assert tasks.state("named") is TaskState.GIVEN_UP
     assert tasks.ended
 
@@ -197,7 +201,7 @@ def test_what_is_done_stays_done_and_only_what_is_open_is_given_up() -> None:
         tasks.give_up(name, "no way")
     for name in ("done", "open"):
         for _ in range(5):
-            tasks.fail(name, "seized")
+            tasks.fail(name, "seized", in_dock_leg=True)
     tasks.reopen("done")
     assert [tasks.state(name) for name in tasks.by_name] == [
         TaskState.DONE,
