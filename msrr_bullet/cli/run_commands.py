@@ -75,6 +75,10 @@ def replay(
     elif not report.judged:
         verdict += f" up to {report.end_s:.3f} s, where the trial was interrupted"
     typer.echo(f"{run}: {verdict} ({counts})")
+    if report.own_classes and not report.identical:
+        typer.echo(
+            f"{run}: the log holds no code of {', '.join(report.own_classes)}, which may have changed since"
+        )
     here = trial_versions()
     other = {name: was for name, was in report.written_with.items() if was != here.get(name)}
     if other and not report.identical:

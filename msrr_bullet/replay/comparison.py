@@ -96,6 +96,7 @@ class ReplayReport(BaseModel, frozen=True):
         statuses: Number of mission statuses of the base station compared.
         authorities: Number of authorities compared.
         mismatches: The first differences.
+        own_classes: Import paths of the classes of the run that are none of this project.
         written_with: What the header of the log says of versions and machine; see :class:`LogHeader`.
     """
 
@@ -114,6 +115,7 @@ class ReplayReport(BaseModel, frozen=True):
     statuses: int = 0
     authorities: int = 0
     mismatches: tuple[Mismatch, ...]
+    own_classes: tuple[str, ...] = ()
     written_with: dict[str, str] = {}
 
     @property

@@ -47,6 +47,7 @@ def replay(run: Path, robot: RobotFactory = fail_safe_autonomy, *, trust: bool =
             check_scene(scene)  # a trial was run of it, but the log may have been changed since
         except SceneError as error:
             raise LogError(f"{log.path}: {error}") from error
-        if scene.coordinated:
-            return CoordinatedReplayer(log, scene).run()
-        return PlannedReplayer(log, scene, robot).run()
+        replayer = (
+            CoordinatedReplayer(log, scene) if scene.coordinated else PlannedReplayer(log, scene, robot)
+        )
+        return replayer.run().model_copy(update={"own_classes": tuple(named)})

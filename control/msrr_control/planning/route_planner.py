@@ -109,7 +109,10 @@ class RoutePlanner:
         place = self.spec.handover(arena.X_WD).translation
         for points, where in (
             (place[None], f"on {end}"),
-            (np.linspace(arena.X_WU.translation, place, _POINTS), f"on the line to {end}"),
+            (
+                np.linspace(arena.X_WU.translation, place, _POINTS),
+                f"between the unit and {end}, with too little room beside it or behind it",
+            ),
         ):
             disc = space.deepest_disc(points)
             if disc is not None and (not alone or disc.name in alone):

@@ -129,6 +129,10 @@ def test_a_user_s_class_in_the_current_folder_that_fails_is_bad_input(
     out, err = capsys.readouterr()
     assert "run: identical" in out
     assert err == ""
+    # What changed most likely is named: the log does not hold it.
+    (tmp_path / "broken_law.py").write_text(BROKEN.replace("Twist(1 /", "Twist(0.5 /"))
+    assert run(["replay", "run", "--trust"]) == 1
+    assert "holds no code of broken_law:Law, which may have changed since" in capsys.readouterr().out
 
 
 @pytest.mark.nightly

@@ -189,7 +189,7 @@ def test_what_leaves_no_route_is_named() -> None:
 
     ahead, behind = SE2(-0.5, 0.0, 0.0), SE2(1.7, 0.6, 0.0)
     assert "o stands on the place in front" in why(ahead, _obstacle("o", 0.4, 0.1))
-    assert "f2 stands on the line" in why(SE2(-1.4, 0.0, 0.0), *FENCE)
+    assert "f2 stands between the unit and the place" in why(SE2(-1.4, 0.0, 0.0), *FENCE)
     # Beside the line, but the only one that could make way: the others stand too near to each other.
     gate = _obstacle("gate", -0.3, 0.87, 0.45)
     dense = [_obstacle(f"d{k}", -0.3, y, 0.2) for k, y in enumerate(np.linspace(-1.45, 1.45, 11))]
