@@ -115,6 +115,10 @@ class KinematicPlant(Plant):
             if (mechanism.dock_step.target_unit, mechanism.dock_step.target_port) == (unit, port):
                 mechanism.plugged = present
 
+    def is_plugged(self, unit: str, port: str) -> bool:
+        """Return whether something plugs the holes of a passive port now."""
+        return (unit, port) in self._plugged
+
     def _build_mechanism(self, step: DockStep) -> KinematicPort:
         own, target = self._geometries[step.unit], self._geometries[step.target_unit]
         X_TU = self.pose(step.target_unit).inverse() @ self.pose(step.unit)

@@ -235,6 +235,10 @@ class Plant(ABC):
         """Plug the holes of a passive port, or clear them."""
 
     @abstractmethod
+    def is_plugged(self, unit: str, port: str) -> bool:
+        """Return whether something plugs the holes of a passive port now."""
+
+    @abstractmethod
     def _build_mechanism(self, step: DockStep) -> PortMechanism: ...
 
     def _drive(self, unit: str) -> Twist:

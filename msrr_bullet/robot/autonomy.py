@@ -157,6 +157,11 @@ class Autonomy:
         """Phase in which the last decision ended."""
         return self._phases.phase
 
+    @property
+    def clear_gap(self) -> float | None:
+        """Distance from the port [m]; None if it is unknown, or the unit may press against the port."""
+        return self._phases.clear_gap
+
     def undock(self, retreat_m: float) -> None:
         """Open the lock and back out of the port, from the next decision on.
 
@@ -255,7 +260,7 @@ class Autonomy:
         action, monitor = self._limit_by_clearance(action, arena, pose)
         action, belief = self._feed_forward.apply(action), self._phases.belief
         if self._drive_watch is not None:
-            action = self._drive_watch.judge(action)
+            action = self._drive_watch.judge(action, self.clear_gap)
             belief = self._drive_watch.belief or belief
         assembly = path = None
         if self._assembler is not None:

@@ -29,9 +29,10 @@ _LEAST_MPS, _LEAST_M = 0.002, 0.001
 #: front of an obstacle is commanded to and fro by some millimetres per second, and gets nowhere.
 _ASKED_M = 0.01
 
-#: Phases in which nothing holds the wheels of a healthy unit; in the others it may press against a port, and
-#: the phase machine judges what comes of it.
+#: Phases in which nothing holds the wheels of a healthy unit, and those in which nothing does away from the
+#: port; at the port it may press against it, and the phase machine judges what comes of it.
 _FREE = frozenset({Phase.ASSEMBLE, Phase.HAND_OVER})
+_FREE_AWAY = _FREE | {Phase.CALIBRATE, Phase.DOCK, Phase.RETREAT}
 
 
 class DriveWatch:
@@ -46,6 +47,7 @@ class DriveWatch:
         self._is_to_move = False
         self._rims = 0.0, 0.0  # speeds at the rims of both wheels that are commanded now [m/s]
         self._asked = 0.0, 0.0  # ways of both rims that were commanded while the wheels stood [m]
+        self._gap: float | None = None  # distance from the port at which the wheels have stood [m]
         self.belief: Belief | None = None
 
     def restart(self) -> None:
@@ -53,13 +55,22 @@ class DriveWatch:
         self._last = self._stood = None
         self._waited_s, self._asked = 0.0, (0.0, 0.0)
 
-    def judge(self, action: Action) -> Action:
-        """Return what is commanded until the next decision: the action, or to give up."""
+    def judge(self, action: Action, gap: float | None) -> Action:
+        """Return what is commanded until the next decision: the action, or to give up.
+
+        ``gap`` is the distance of the unit from its port [m]; None where it is unknown, or so small that the
+        unit may press against the port.
+        """
+        if gap is None or self._gap is None or abs(gap - self._gap) > _ASKED_M:
+            if gap is not None:  # it gets on, by what it sees: its encoders stand, not its wheels
+                self._waited_s, self._asked = 0.0, (0.0, 0.0)
+            self._gap = gap
         v, turn = action.twist.v, 0.5 * self._track * action.twist.w
         self._rims = v - turn, v + turn
-        self._is_to_move = action.phase in _FREE and max(map(abs, self._rims)) > _LEAST_MPS
+        free = action.phase in (_FREE if gap is None else _FREE_AWAY)
+        self._is_to_move = free and max(map(abs, self._rims)) > _LEAST_MPS
         if self._waited_s > SEIZED_S and max(map(abs, self._asked)) > _ASKED_M:
-            reason = f"the drive has seized: the wheels stood for {SEIZED_S:.0f} s of commands to turn"
+            reason = f"the drive has seized: its encoders stood for {SEIZED_S:.0f} s of commands to turn"
             self.belief = Belief(Conviction.GAVE_UP, FailureReason.SEIZED, reason)
         if self.belief is None:
             return action

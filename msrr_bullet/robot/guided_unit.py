@@ -134,7 +134,9 @@ class GuidedUnit:
         if self._program is None:
             self._action = Action(now_ns, Phase.DONE, 1, lock=self.docked_to is not None, reason="on standby")
             return self._action
-        action = self._action = self._drive_watch.judge(self._program.step(now_ns))
+        action = self._program.step(now_ns)
+        gap = None if self._docking is None else self._docking.clear_gap
+        action = self._action = self._drive_watch.judge(action, gap)
         self._note_progress()
         if action.phase is Phase.DONE and self.dock_step is not None:
             self.docked_to = None if self.leaving else self.dock_step.to

@@ -105,6 +105,10 @@ class BulletPlant(Plant):
             self.rouse(unit)
             self._plugs.pop(key).remove()
 
+    def is_plugged(self, unit: str, port: str) -> bool:
+        """Return whether something plugs the holes of a passive port now."""
+        return (unit, port) in self._plugs
+
     def _build_mechanism(self, step: DockStep) -> PinLock:
         lock = PinLock(self.world, step, self._scene.lock, self, self._switch_travel(step))
         if step.unit in self._locks:

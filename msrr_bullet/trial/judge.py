@@ -42,6 +42,9 @@ SEATED_PLAYS, SEATED_YAW_RAD = 2.0, math.radians(2.0)
 #: The same of a port in line with the axis, whose pins are in the throats of the holes but not at the bottom.
 IN_LINE_PLAYS, IN_LINE_YAW_RAD = 8.0 / 3.0, math.radians(4.0)
 
+#: Share of the pins' length outside of the holes below which what plugs a port has stopped them, not its rim.
+_ENTERED = 0.75
+
 #: Time in the seat after which giving up is a false abort [s].
 FALSE_ABORT_TIME_S = 0.3
 
@@ -70,6 +73,7 @@ class Judge:
         self._X_UP = SE3.from_se2(self._X_UP_plane, geometry.pin_height)
         mechanism = PinAndHole.of(geometry, step.port, scene.geometry(step.target_unit), step.target_port)
         self.zone, self._play = DockingZone.of(mechanism), mechanism.play
+        self._plug_gap = _ENTERED * mechanism.pin_length
         self.X_TD = scene.dock_frame(step)
         self._X_TD = SE3.from_se2(self.X_TD)
         self._unit, self._target = step.unit, step.target_unit
@@ -274,6 +278,8 @@ class Judge:
         if contact is None or deepest is None:
             lost = reason is FailureReason.TARGET_LOST
             return Verdict(Outcome.TARGET_LOST if lost else Outcome.GAVE_UP)
+        if deepest.gap < self._plug_gap and self._plant.is_plugged(self._target, self.step.target_port):
+            return Verdict(Outcome.NOT_SEATED)
         straight = abs(deepest.yaw) <= IN_LINE_YAW_RAD
         in_line = straight and abs(deepest.lateral) <= IN_LINE_PLAYS * self._play
         return Verdict(Outcome.NOT_SEATED if in_line else Outcome.JAMMED)

@@ -25,7 +25,7 @@ class Outcome(Enum):
     JAMMED = "jammed"
     """The pins stopped at the port, too far off its axis to enter."""
     NOT_SEATED = "not_seated"
-    """The pins are in line with the holes and did not reach their bottom."""
+    """The pins are in line with the holes, or in them and stopped by what plugs them, short of the bottom."""
     LOCK_FAILED = "lock_failed"
     """Seated and closed, but the lock gave way: under the pull, in a tug test of the unit, or later on."""
     TARGET_LOST = "target_lost"

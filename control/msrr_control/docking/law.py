@@ -56,6 +56,8 @@ class DockSetup:
         rate_hz: Control rate.
         link_latency_s: Time that a command takes to the drive.
         close_time_s: Time that the lock takes to close.
+        lock_delay_s: Longest time from a command to the lock to a report of what has come of it, if that
+            takes no time by itself.
         smear_mps: Speed across the line of sight at which a tag of the port moves by one module of its code
             while the shutter of the camera is open [m/s].
 
@@ -73,6 +75,7 @@ class DockSetup:
     rate_hz: float
     link_latency_s: float = 0.0
     close_time_s: float = 0.0
+    lock_delay_s: float = 0.0
     smear_mps: float = math.inf
 
     def __post_init__(self) -> None:
@@ -112,6 +115,7 @@ class DockSetup:
             rate_hz=scene.control.rate_hz,
             link_latency_s=1e-3 * scene.link.latency_ms,
             close_time_s=scene.lock.close_time_s,
+            lock_delay_s=1e-3 * scene.link.latency_ms + 1.0 / scene.odometry.rate_hz,
             smear_mps=_smear_mps(scene, step),
         )
 

@@ -103,6 +103,13 @@ class PhaseMachine:
         return self._phase
 
     @property
+    def clear_gap(self) -> float | None:
+        """Last known distance between the faces [m]; None while the unit may press against the port."""
+        c = self._context
+        near_m = c.setup.pin_reach + 2.0 * c.tuning.retreat.clear_m
+        return None if c.last_gap is None or c.last_gap < near_m else c.last_gap
+
+    @property
     def attempt(self) -> int:
         """The attempt under way, counted from 1."""
         return self._context.attempt

@@ -62,7 +62,7 @@ def lock(c: DockingContext) -> Twist | Transition:
     anew = report is not None and report.stamp_ns >= memory.since_ns
     if closed and anew:
         return Transition(Phase.VERIFY, f"cam closed after {memory.lasted(c.now_ns):.2f} s")
-    longest = max(tuning.latch_s, c.setup.close_time_s + tuning.latch_margin_s)
+    longest = max(tuning.latch_s, c.setup.close_time_s + tuning.latch_margin_s) + c.setup.lock_delay_s
     if memory.lasted(c.now_ns) > longest:
         reason = "cam closed before the command to close, and has not opened since"
         return Transition.back_out(
@@ -80,15 +80,17 @@ def retreat(c: DockingContext) -> Twist | Transition:
     """
     memory, tuning, report, pose = c.memory, c.tuning, c.observation.lock, c.observation.pose
     is_open = report is None or lock_is_open(c)
-    if c.undocking and not is_open and memory.lasted(c.now_ns) > tuning.unlatch_s:
+    stays_closed = not is_open and memory.lasted(c.now_ns) > tuning.unlatch_s + c.setup.lock_delay_s
+    if c.undocking and stays_closed:
         # To pull at a closed lock would drag along the units on its other side.
         return _after_retreat(c)
-    opened = memory.opened.update(is_open or memory.lasted(c.now_ns) > tuning.unlatch_s, c.now_ns)
+    opened = memory.opened.update(is_open or stays_closed, c.now_ns)
     looked_behind = memory.looked_behind.update(has_looked_behind(c), c.now_ns)
     free = min(opened, looked_behind)
     if free < 0.0:
         return STILL
-    longest = c.spec.retreat_m / tuning.retreat.speed_mps + tuning.retreat_margin_s
+    speed = min(tuning.retreat.speed_mps, c.setup.limits.v_close_mps)
+    longest = c.spec.retreat_m / speed + speed / c.setup.limits.a_max_mps2 + tuning.retreat_margin_s
     is_there = c.gap >= c.spec.retreat_m - tuning.arrived_m or free > longest
     if memory.arrived.update(is_there, c.now_ns) >= tuning.settle_s:
         return _after_retreat(c)

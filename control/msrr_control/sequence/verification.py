@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from msrr_control.sequence.context import STILL, DockingContext, Transition
 from msrr_control.sequence.evidence import (
     Loosened,
@@ -18,6 +20,9 @@ _HALF_OUT = 0.5
 
 #: Share of the speed of a tug at which the wheels are at rest again: a drive may lag by half a second.
 _AT_REST = 0.1
+
+#: Share of the way of a tug that a drive may still turn forwards, from pressing, when the tug begins.
+_PRESSED_ON = 0.1
 
 #: Share of the way of a tug by which a unit is seen to move that is not held: backlash may take up half of
 #: the way.
@@ -45,20 +50,32 @@ def verify(c: DockingContext) -> Twist | Transition:
             reason = f"locked, and seen seated at {view}; a gap of {1e3 * short:.1f} mm would have been seen"
             if c.distrusts:
                 reason += "; the seat switches tell nothing"
-            tug = check.tug_m > 0.0 and (c.distrusts or short > _HALF_OUT * c.setup.pin_reach)
-            return Transition(Phase.TUG_TEST if tug else Phase.DONE, reason)
+            if check.tug_m > 0.0 and (c.distrusts or short > _HALF_OUT * c.setup.pin_reach):
+                return _tug(c, reason)
+            return Transition(Phase.DONE, reason)
     if c.memory.lasted(c.now_ns) > check.time_s:
+        if view is not None and view.age > c.spec.lost_time_s:
+            view = None  # the pose goes on from the wheels alone
         seen = "not seen" if view is None else f"seen at {view}"
         off = None if view is None else off_seat(c, view)
         if off is not None and closed:
             seen += f": {off}"
             if check.tug_m:
-                return Transition(Phase.TUG_TEST, f"locked, but {seen}")
+                return _tug(c, f"locked, but {seen}")
             seen += ". The seat is false, or camera or marker are off by more than their tolerances"
         elif view is not None and closed:
             seen += _in_too_few_frames(c)
         return Transition.back_out(f"locked, but {seen}", FailureReason.NOT_VERIFIED)
     return STILL
+
+
+def _tug(c: DockingContext, reason: str) -> Transition | Twist:
+    """Begin a tug test once the drive, which has pressed, has come to rest."""
+    limits, speed = c.setup.limits, c.spec.press_mps
+    lag_m = speed / limits.kappa_per_s
+    turns_on_s = speed / limits.a_max_mps2 + c.setup.link_latency_s
+    turns_on_s += max(math.log(lag_m / (_PRESSED_ON * c.spec.verify.tug_m)), 0.0) / limits.kappa_per_s
+    return Transition(Phase.TUG_TEST, reason) if c.memory.lasted(c.now_ns) >= turns_on_s else STILL
 
 
 def tug_test(c: DockingContext) -> Twist | Transition:
@@ -76,8 +93,13 @@ def tug_test(c: DockingContext) -> Twist | Transition:
         return STILL  # what stands behind has not been looked for since the unit came near the port
     if memory.before is None:
         memory.before = view
-    speed, passed, twist = c.spec.press_mps, c.observation.passed, c.observation.twist
-    late = memory.lasted(c.now_ns) > check.tug_m / speed + tuning.retreat_margin_s + check.time_s
+    passed, twist, limits = c.observation.passed, c.observation.twist, c.setup.limits
+    # As fast as the drive can be on this way, so that the way that it is commanded is the way that it turns.
+    speed = min(c.spec.press_mps, limits.v_close_mps, math.sqrt(limits.a_max_mps2 * check.tug_m))
+    # A slow drive makes the larger part of that way after the command, and so does one on a slow link.
+    rest_s = max(tuning.settle_s, -math.log(MOVED) / limits.kappa_per_s) + c.setup.link_latency_s
+    most_s = check.tug_m / speed + rest_s + tuning.retreat_margin_s + check.time_s
+    late = memory.lasted(c.now_ns) > most_s
     if memory.tugged < check.tug_m:
         if late:
             reason = f"locked, but there was no room for a tug test{c.observation.held}"
@@ -86,11 +108,11 @@ def tug_test(c: DockingContext) -> Twist | Transition:
         return Twist(-speed, 0.0)
     rested_s = memory.arrived.update(abs(twist.v) < _AT_REST * speed, c.now_ns)
     moved = view.gap - memory.before.gap
-    held = rested_s - view.age > tuning.settle_s and moved < MOVED * check.tug_m
+    held = rested_s - view.age > rest_s and moved < MOVED * check.tug_m
     if memory.frames_in_a_row(view.last_seen_ns, held) >= tuning.frames:
         c.seat = view
         return Transition(Phase.DONE, f"locked, and held in a tug test; seen at {view}")
-    if late or rested_s > tuning.settle_s + check.time_s:
+    if late or rested_s > rest_s + check.time_s:
         reason = f"locked, but seen to move by {1e3 * moved:.1f} mm in a tug test"
         if moved < MOVED * check.tug_m:
             reason = f"locked, but seen{_in_too_few_frames(c)} after a tug"

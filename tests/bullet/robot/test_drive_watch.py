@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 from msrr_bullet.robot.drive_watch import SEIZED_S, DriveWatch
@@ -19,6 +21,7 @@ def run(
     rate_radps: float = 0.0,
     phase: Phase = Phase.ASSEMBLE,
     start_s: float = 0.0,
+    gap: Callable[[float], float | None] = lambda time_s: None,
 ) -> list[Action]:
     """Command a twist for a time while the wheels turn at a rate; return what the watch lets through."""
     actions = []
@@ -26,7 +29,7 @@ def run(
         now_ns = round(1e9 * start_s) + k * PERIOD_NS
         angle = 40.0 + rate_radps * 1e-9 * now_ns  # it has driven before
         watch.read(WheelOdometry("a", now_ns, angle, angle))
-        actions.append(watch.judge(Action(now_ns, phase, 1, twist, reason="leg 1")))
+        actions.append(watch.judge(Action(now_ns, phase, 1, twist, reason="leg 1"), gap(1e-9 * now_ns)))
     return actions
 
 
@@ -62,13 +65,24 @@ def test_a_healthy_unit_goes_on(watch: DriveWatch, twist: Twist, rate_radps: flo
     assert watch.belief is None
 
 
+@pytest.mark.parametrize("phase", [Phase.DOCK, Phase.RETREAT])
+def test_wheels_that_stand_away_from_the_port_end_it_if_the_unit_is_seen_to_stand(
+    watch: DriveWatch, phase: Phase
+) -> None:
+    """Encoders that stand alone do not: the unit sees that it gets nearer."""
+    run(watch, FORWARDS, 3.0 * SEIZED_S, phase=phase, gap=lambda time_s: 0.9 - 0.02 * time_s)
+    assert watch.belief is None
+    actions = run(watch, FORWARDS, SEIZED_S + 1.0, phase=phase, start_s=20.0, gap=lambda time_s: 0.5)
+    assert actions[-1].phase is Phase.FAILED
+
+
 @pytest.mark.parametrize("share", [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (-1.0, 1.0)])
 def test_one_wheel_that_turns_is_enough(watch: DriveWatch, share: tuple[float, float]) -> None:
     """On the spot, or about the other wheel."""
     for k in range(round(1e9 * 2.0 * SEIZED_S / PERIOD_NS)):
         angle = 0.006 * k
         watch.read(WheelOdometry("a", k * PERIOD_NS, share[0] * angle, share[1] * angle))
-        assert watch.judge(Action(k * PERIOD_NS, Phase.ASSEMBLE, 1, TURN)).phase is Phase.ASSEMBLE
+        assert watch.judge(Action(k * PERIOD_NS, Phase.ASSEMBLE, 1, TURN), None).phase is Phase.ASSEMBLE
 
 
 @pytest.mark.parametrize(("rim_mps", "seized"), [(0.0019, False), (0.0021, True)])
@@ -106,7 +120,7 @@ def test_a_time_without_readings_is_none_of_standing(watch: DriveWatch) -> None:
     """Between two routes the sensors of a unit are off; at the next one it is commanded at once."""
     run(watch, Twist(), 0.2)
     watch.restart()
-    watch.judge(Action(30_000_000_000, Phase.ASSEMBLE, 1, FORWARDS, reason="leg 1"))
+    watch.judge(Action(30_000_000_000, Phase.ASSEMBLE, 1, FORWARDS, reason="leg 1"), None)
     actions = run(watch, FORWARDS, SEIZED_S - 0.5, start_s=30.02)
     assert {action.phase for action in actions} == {Phase.ASSEMBLE}
     assert run(watch, FORWARDS, 1.0, start_s=30.02 + SEIZED_S - 0.5)[-1].phase is Phase.FAILED
@@ -119,5 +133,5 @@ def test_a_new_route_begins_anew_although_no_reading_has_arrived_since(watch: Dr
     for k in range(2):  # the last of these is more than it waits, and nothing is decided on it any more
         watch.read(WheelOdometry("a", end_ns + k * PERIOD_NS, 40.0, 40.0))
     watch.restart()
-    assert watch.judge(Action(end_ns, Phase.ASSEMBLE, 1, FORWARDS)).phase is Phase.ASSEMBLE
+    assert watch.judge(Action(end_ns, Phase.ASSEMBLE, 1, FORWARDS), None).phase is Phase.ASSEMBLE
     assert watch.belief is None

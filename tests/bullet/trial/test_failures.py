@@ -187,10 +187,16 @@ def test_a_unit_docks_by_what_it_sees_where_an_encoder_is_stuck(
     assert says_so is (wrong > 0.1 * seen.total)
 
 
-def test_a_unit_on_its_own_knows_that_its_drive_has_seized(shipped: Callable[..., Scene]) -> None:
-    """It looked for one path after the other for a minute, and said that it was blocked."""
-    fault = {"faults": "[{kind: unit_seized, unit: a, from_s: 5}]"}
-    result = run_trial(shipped("two_units", fault, blind=True), 0)
+@pytest.mark.parametrize(("scene", "from_s"), [("two_units", 5), ("close_range", 3)])
+def test_a_unit_on_its_own_knows_that_its_drive_has_seized(
+    shipped: Callable[..., Scene], scene: str, from_s: float
+) -> None:
+    """It looked for one path after the other for a minute, and said that it was blocked.
+
+    In front of the port it made all of its attempts from where it stood.
+    """
+    fault = {"faults": f"[{{kind: unit_seized, unit: a, from_s: {from_s}}}]"}
+    result = run_trial(shipped(scene, fault, blind=True), 0)
     (step,) = result.steps
     assert (step.outcome, step.belief_reason[:22]) == (Outcome.GAVE_UP, "the drive has seized: ")
     assert step.ended_s < 12.0

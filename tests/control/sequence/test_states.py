@@ -12,6 +12,7 @@ import pytest
 
 from msrr_control.docking.controller import build_controller
 from msrr_control.docking.law import DockSetup
+from msrr_control.kinematics.drive_limits import nested_limiter
 from msrr_control.sequence.evidence import with_doubt
 from msrr_control.sequence.observation import Assembler, Observation
 from msrr_control.sequence.state_machine import PhaseMachine
@@ -817,6 +818,34 @@ def test_a_unit_is_held_that_is_not_seen_to_move_by_a_third_of_the_tug(
         assert desk.machine.belief.setback is FailureReason.NOT_VERIFIED
 
 
+@pytest.mark.parametrize("latency_s", [0.0, 1.5])
+@pytest.mark.parametrize("press_mps", [0.01, 0.05, 0.4])
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"v_close_mps": 0.01}, {"a_max_mps2": 0.02}, {"kappa_per_s": 0.5}, {"kappa_per_s": 0.1}],
+    ids=str,
+)
+def test_a_unit_that_nothing_holds_is_seen_to_move_whatever_its_drive(
+    facts: DockSetup, changes: dict[str, float], press_mps: float, latency_s: float
+) -> None:
+    """It counted as held where the drive, which had pressed, made too little of the way."""
+    limits = facts.limits.model_copy(update=changes)
+    spec = DockingSpec(press_mps=press_mps, verify=VerifySpec(time_s=1.0))
+    desk = Desk(replace(facts, limits=limits, link_latency_s=latency_s), spec=spec)
+    desk.to_verify()
+    drive = nested_limiter(limits.v_max_mps, limits.a_max_mps2, limits.kappa_per_s, 1e-9 * DT_NS)
+    v, gap, sent = press_mps, 0.0, [press_mps] * round(1e9 * latency_s / DT_NS)
+    while desk.machine.phase in (Phase.VERIFY, Phase.TUG_TEST):
+        assert desk.now_ns < 120e9
+        action = desk.ask(desk.at(gap), covariance=COARSE, closed=True, twist=Twist(v, 0.0))
+        sent.append(max(-limits.v_close_mps, min(limits.v_close_mps, action.twist.v)))
+        v = drive(v, sent.pop(0))
+        gap += max(-v, 0.0) * 1e-9 * DT_NS  # what plugs the port lets it go back alone
+    assert desk.machine.phase is Phase.RETREAT
+    assert "seen to move" in action.reason
+    assert gap < 2.0 * spec.verify.tug_m
+
+
 def test_frames_exposed_while_the_wheels_still_turn_say_nothing(desk: Desk) -> None:
     """A drive that lags: it moves the unit after the command to stop."""
     _to_tug(desk)
@@ -1017,16 +1046,30 @@ def test_undocking_with_a_jammed_lock_is_no_undocking(
     assert f"the lock reports {position.value}" in belief.reason
 
 
-def test_a_unit_that_begins_docked_has_to_back_out_before_it_is_undocked(facts: DockSetup) -> None:
-    """Nothing is seen before the unit has left: its wheels tell the way."""
+@pytest.mark.parametrize(
+    ("v_close_mps", "lock_delay_s"), [(0.3, 0.0), (0.02, 0.0), (0.3, 2.5)], ids=["usual", "slow", "late"]
+)
+def test_a_unit_that_begins_docked_has_to_back_out_before_it_is_undocked(
+    facts: DockSetup, v_close_mps: float, lock_delay_s: float
+) -> None:
+    """Nothing is seen before the unit has left: its wheels tell the way.
+
+    A unit that may only go slowly, or hears late that its lock is open, was out of time before it was out of
+    the port.
+    """
+    limits = facts.limits.model_copy(update={"v_close_mps": v_close_mps})
+    facts = replace(facts, limits=limits, lock_delay_s=lock_delay_s)
     desk = Desk(facts)
     law = build_controller(Choice(name="c1"), facts)
     desk.machine = PhaseMachine(desk.spec, facts, law, docked=True)
     desk.machine.undock()
     way, twist = 0.0, Twist()
     while not desk.machine.finished or way == 0.0:
-        assert desk.now_ns < 15e9
-        twist = desk.ask(None, closed=way < 1e-3, lock=(LockPosition.OPEN, desk.now_ns), twist=twist).twist
+        assert desk.now_ns < 40e9
+        open_ns = round(1e9 * (TUNING.unlatch_s + lock_delay_s - 0.1)) if lock_delay_s else 0
+        position = LockPosition.OPEN if desk.now_ns >= open_ns else LockPosition.CLOSED
+        twist = desk.ask(None, closed=way < 1e-3, lock=(position, desk.now_ns), twist=twist).twist
+        assert twist.v >= -v_close_mps
         way -= 0.02 * twist.v
     assert desk.machine.belief.conviction is Conviction.UNDOCKED
     assert way == pytest.approx(desk.spec.retreat_m, abs=0.02)
@@ -1216,7 +1259,8 @@ def test_it_goes_when_no_picture_comes(facts: DockSetup, pictures: Pictures) -> 
     assert waited == pytest.approx(TUNING.look_around_s + 1e-9 * DT_NS, abs=1e-9)
     # The unit is held where it is, as by the collision monitor: the time for the way counts from where it may
     # go.
-    way_s = DockingSpec().retreat_m / TUNING.retreat.speed_mps + TUNING.retreat_margin_s
+    speed = TUNING.retreat.speed_mps
+    way_s = DockingSpec().retreat_m / speed + speed / facts.limits.a_max_mps2 + TUNING.retreat_margin_s
     assert lasted == pytest.approx(waited + way_s + TUNING.settle_s, abs=4e-9 * DT_NS)
 
 
