@@ -400,7 +400,7 @@ def test_pins_with_more_play_are_in_line_farther_off(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("plugged", "outcome"), [(True, Outcome.NOT_SEATED), (False, Outcome.JAMMED)])
 def test_pins_in_the_holes_that_a_plug_has_stopped_have_not_jammed(plugged: bool, outcome: Outcome) -> None:
-    """A unit that comes in beside the axis, as later attempts do, is as far beside it as the funnels let it."""
+    """A unit that comes in beside the axis, as later attempts do, is as far off as the funnels let it."""
     with bench("bullet", SE2(-0.03, 0.0065, 0.0)) as b:
         b.plant.set_plug("b", "rear", True)
         judge = _judged(b, 0.7)
