@@ -29,10 +29,10 @@ _LEAST_MPS, _LEAST_M = 0.002, 0.001
 #: front of an obstacle is commanded to and fro by some millimetres per second, and gets nowhere.
 _ASKED_M = 0.01
 
-#: Phases in which nothing holds the wheels of a healthy unit, and those in which nothing does away from the
+#: Phases in which nothing holds the wheels of a healthy unit, and others in which nothing does away from the
 #: port; at the port it may press against it, and the phase machine judges what comes of it.
 _FREE = frozenset({Phase.ASSEMBLE, Phase.HAND_OVER})
-_FREE_AWAY = _FREE | {Phase.CALIBRATE, Phase.DOCK, Phase.RETREAT}
+_FREE_AWAY = frozenset({Phase.CALIBRATE, Phase.DOCK, Phase.RETREAT})
 
 
 class DriveWatch:
@@ -61,13 +61,14 @@ class DriveWatch:
         ``gap`` is the distance of the unit from its port [m]; None where it is unknown, or so small that the
         unit may press against the port.
         """
-        if gap is None or self._gap is None or abs(gap - self._gap) > _ASKED_M:
-            if gap is not None:  # it gets on, by what it sees: its encoders stand, not its wheels
-                self._waited_s, self._asked = 0.0, (0.0, 0.0)
-            self._gap = gap
+        free = action.phase in _FREE or (gap is not None and action.phase in _FREE_AWAY)
+        if gap is None or action.phase in _FREE:
+            self._gap = None
+        elif self._gap is None or abs(gap - self._gap) > _ASKED_M:
+            # It gets on, by what it sees: its encoders stand, not its wheels.
+            self._gap, self._waited_s, self._asked = gap, 0.0, (0.0, 0.0)
         v, turn = action.twist.v, 0.5 * self._track * action.twist.w
         self._rims = v - turn, v + turn
-        free = action.phase in (_FREE if gap is None else _FREE_AWAY)
         self._is_to_move = free and max(map(abs, self._rims)) > _LEAST_MPS
         if self._waited_s > SEIZED_S and max(map(abs, self._asked)) > _ASKED_M:
             reason = f"the drive has seized: its encoders stood for {SEIZED_S:.0f} s of commands to turn"
