@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -159,32 +159,30 @@ class TrialStore:
         """
         for other in others:
             check_store(other)
-        sources = []
-        for other in others:  # read before it is added, for what cannot be read would spoil this store
+            # What cannot be read would spoil this store. It is looked for while sweeps may write here.
             with TrialStore(other) as source:
-                rows = source._rows("SELECT * FROM trials")
-                trials = [(row, source._result(row[1], row[4])) for row in rows]
-                sources.append((other, source._rows("SELECT * FROM scenes"), trials))
+                for seed, text in source._rows("SELECT seed, result FROM trials"):
+                    source._result(seed, text)
         try:
             with self._db:  # one transaction
                 self._db.execute("BEGIN IMMEDIATE")  # before the first look: a sweep may write here, too
-                return [self._add(*source) for source in sources]
+                return [self._add(other) for other in others]
         except _ERRORS as error:
             raise self._unwritten(error) from None
 
-    def _add(
-        self, other: Path, scenes: Sequence[_Row], trials: Sequence[tuple[_Row, TrialResult]]
-    ) -> tuple[int, int]:
+    def _add(self, other: Path) -> tuple[int, int]:
+        with TrialStore(other) as source:
+            scenes, trials = source._rows("SELECT * FROM scenes"), source._rows("SELECT * FROM trials")
         failed = Outcome.PROGRAM_FAILED.value
         added = []
-        for row, result in trials:
+        for row in trials:
             query = "SELECT outcome, result FROM trials WHERE scene_hash = ? AND seed = ? AND code = ?"
             here = self._rows(query, row[:3])
             if here and here[0][1] == row[4]:
                 continue
             if not here or (here[0][0] == failed and row[3] != failed):
                 added.append(row)
-            elif row[3] != failed and self._result(row[1], here[0][1]).versions == result.versions:
+            elif row[3] != failed and self._same_versions(row[1], here[0][1], row[4]):
                 raise StoreError(
                     f"{other}: its result of seed {row[1]} is another one than in {self._path}; run that seed"
                     " with msrr sweep --fresh, and leave out the store whose result is another one"
@@ -192,6 +190,10 @@ class TrialStore:
         self._db.executemany("INSERT OR IGNORE INTO scenes VALUES (?, ?, ?)", scenes)
         self._db.executemany("INSERT OR REPLACE INTO trials VALUES (?, ?, ?, ?, ?)", added)
         return len(added), len(trials) - len(added)
+
+    def _same_versions(self, seed: int, *texts: str) -> bool:
+        first, second = (self._result(seed, text).versions for text in texts)
+        return first == second
 
     def _result(self, seed: int, text: str) -> TrialResult:
         """Return a stored result."""

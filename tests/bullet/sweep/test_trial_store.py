@@ -115,12 +115,12 @@ def test_nothing_is_stored_between_the_look_of_a_merge_and_its_writing(scene: Sc
     target, refused = tmp_path / "target.sqlite", []
 
     class Watched(TrialStore):
-        def _add(self, *source: Any) -> tuple[int, int]:
+        def _add(self, other: Path) -> tuple[int, int]:
             with closing(sqlite3.connect(target, timeout=0.0)) as sweep:
                 with pytest.raises(sqlite3.OperationalError, match="locked"):
                     sweep.execute("DELETE FROM trials")
                 refused.append(sweep)
-            return super()._add(*source)
+            return super()._add(other)
 
     with TrialStore(tmp_path / "source.sqlite") as source:
         source.put(made_up(scene, 0), "code")
