@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import NamedTuple
@@ -21,8 +22,11 @@ from msrr_scenes.geometry.solid import Solid, read_solid
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import set_origin, urdf_origin
 
-#: Distance that is kept between a tag and the box that it is fixed to [m].
-_BEHIND_M = 0.0003
+#: Distance that is kept between a tag and the shapes behind and beside it [m].
+_APART_M = 0.0003
+
+#: Depth to which a plate as designed may be in a shape that is taken to be beside it [m].
+_SUNK_M = 0.001
 
 #: Edge below which a box is not cut any more [m].
 _THINNEST_M = 0.0005
@@ -43,11 +47,13 @@ def build(
     moved = [slot for slot in drawn.tag_slots if built.geometry.frame(slot) is not drawn.frame(slot)]
     walls = _Walls(robot, drawn) if moved else None
     for slot in moved:
-        assert walls is not None
         joint = joint_of(robot, slot)
         X_TX = drawn.frame(slot).inverse() @ built.geometry.frame(slot)
         set_origin(joint, urdf_origin(joint.find("origin")) @ X_TX)
-        walls.give_way(slot, built.geometry.frame(slot), 0.5 * plate_sizes.get(slot, 0.0))
+    # What is behind a tag would hide all of it, and so gives way last.
+    for give_way in (walls.give_way_beside, walls.give_way_behind) if walls is not None else ():
+        for slot in moved:
+            give_way(slot, built.geometry.frame(slot), 0.5 * plate_sizes.get(slot, 0.0))
     if not built.drive.ideal:
         _build_wheels(robot, drawn, built.drive)
     if built.mass_scale != 1.0:
@@ -61,6 +67,22 @@ class _Wall(NamedTuple):
     points_U: Array
 
 
+class _Boxes(NamedTuple):
+    """Axes, middles in U and half edges [m] of V such shapes; those of a cylinder are endless."""
+
+    R_UG: Array  # (V, 3, 3)
+    p_U: Array  # (V, 3)
+    half: Array  # (V, 3)
+
+    def beyond(self, plate_U: Array) -> Array:
+        """Return how far a plate is beyond their faces at +x, +y, +z, -x, -y and -z, shape (V, 6) [m].
+
+        ``plate_U`` has the corners of the plate, shape (4, 3) [m].
+        """
+        plate_G = (plate_U - self.p_U[:, None]) @ self.R_UG
+        return np.concatenate([plate_G.min(axis=1) - self.half, -plate_G.max(axis=1) - self.half], axis=1)
+
+
 class _Walls:
     """The visible boxes and cylinders of a URDF, which give way to one tag after the other.
 
@@ -71,32 +93,58 @@ class _Walls:
         """Begin with the shapes as designed."""
         self._drawn = drawn
         self._visuals = list(_visuals(robot, drawn))
+        self._walls = list(_drawn_walls(drawn))
+        self._boxes = _Boxes(*(array.copy() for array in _drawn_boxes(drawn)))
         self._changed: set[int] = set()
 
-    def give_way(self, slot: str, X_UX: SE3, half: float) -> None:
+    def give_way_beside(self, slot: str, X_UX: SE3, half: float) -> None:
+        """Set back the faces of boxes that a plate as designed is beyond and as built is not.
+
+        A tag that was put on lower does not sink into the deck, or behind it: that would cover a part of its
+        white border, and an edge would look farther in than it is. ``X_UX`` is the true pose of the tag, and
+        ``half`` half the edge of its plate [m].
+        """
+        as_designed = _drawn_boxes(self._drawn).beyond(_plate(self._drawn.frame(slot), half))
+        plate_U = _plate(X_UX, half)
+        wanted = np.where(as_designed >= -_SUNK_M, np.minimum(as_designed, _APART_M), -np.inf)
+        for i, face in np.argwhere(self._boxes.beyond(plate_U) < wanted).tolist():
+            side, axis = divmod(face, 3)
+            missing = float(wanted[i, face] - self._boxes.beyond(plate_U)[i, face])
+            self._set_back(i, (-1.0, 1.0)[side] * self._boxes.R_UG[i, :, axis], missing)
+
+    def give_way_behind(self, slot: str, X_UX: SE3, half: float) -> None:
         """Set shapes behind a tag back to where the tag is not inside them.
 
         A tag that was put on deeper than designed is not inside the wall that carries it; the wall is deeper,
-        too. A box is cut; one that is too thin, or a cylinder, moves. ``X_UX`` is the true pose of the tag,
-        and ``half`` half the edge of its plate [m].
+        too. ``X_UX`` is the true pose of the tag, and ``half`` half the edge of its plate [m].
         """
         X_TU, X_XU = self._drawn.frame(slot).inverse(), X_UX.inverse()
         behind = _behind(*_extents(self._drawn, slot), half)
-        for i, (link, visual, shape) in enumerate(self._visuals):
+        for i, wall in enumerate(self._walls):
             if i in self._changed:
-                wall = _wall(self._drawn, link, visual)
                 if not _behind(*_extent(X_TU, wall), half):
                     continue
-            elif behind[i]:
-                wall = _drawn_walls(self._drawn)[i]
-            else:
+            elif not behind[i]:
                 continue
-            missing = _BEHIND_M - float(X_XU.act(wall.points_U)[:, 2].min())
+            missing = _APART_M - float(X_XU.act(wall.points_U)[:, 2].min())
             if missing > 0.0:
-                moved_G = _set_back(shape, wall.solid, X_UX.R[:, 2], missing)
-                X_LU = self._drawn.frame(link).inverse()
-                set_origin(visual, X_LU @ wall.solid.X_UG @ SE3(np.eye(3), moved_G))
-                self._changed.add(i)
+                self._set_back(i, X_UX.R[:, 2], missing)
+
+    def _set_back(self, i: int, back_U: Array, missing: float) -> None:
+        """Set a shape back by ``missing`` [m] in the direction ``back_U``.
+
+        A box is cut; one that is too thin, or a cylinder, moves.
+        """
+        link, visual, shape = self._visuals[i]
+        solid = self._walls[i].solid
+        size, moved_G = _cut(solid, back_U, missing)
+        solid = replace(solid, X_UG=solid.X_UG @ SE3(np.eye(3), moved_G), size=size)
+        if solid.kind == "box":
+            shape.set("size", " ".join(map(repr, size)))
+        set_origin(visual, self._drawn.frame(link).inverse() @ solid.X_UG)
+        self._walls[i] = _Wall(solid, solid.points())
+        self._boxes.p_U[i], self._boxes.half[i] = solid.X_UG.p, _half_edges(solid)
+        self._changed.add(i)
 
 
 def _visuals(robot: Element, drawn: UnitGeometry) -> Iterator[tuple[str, Element, Element]]:
@@ -109,16 +157,32 @@ def _visuals(robot: Element, drawn: UnitGeometry) -> Iterator[tuple[str, Element
                 yield name, visual, shape
 
 
-def _wall(drawn: UnitGeometry, link: str, visual: Element) -> _Wall:
-    solid = read_solid(link, drawn.frame(link), visual)
-    return _Wall(solid, solid.points())
-
-
 # No seed changes what is drawn, and reading it takes far longer than building one unit from it.
 @lru_cache(maxsize=32)
 def _drawn_walls(drawn: UnitGeometry) -> tuple[_Wall, ...]:
     """Return the visible shapes as designed, in the order of the URDF."""
-    return tuple(_wall(drawn, link, visual) for link, visual, _ in _visuals(drawn.tree().getroot(), drawn))
+    visuals = _visuals(drawn.tree().getroot(), drawn)
+    solids = [read_solid(link, drawn.frame(link), visual) for link, visual, _ in visuals]
+    return tuple(_Wall(solid, solid.points()) for solid in solids)
+
+
+@lru_cache(maxsize=32)
+def _drawn_boxes(drawn: UnitGeometry) -> _Boxes:
+    solids = [wall.solid for wall in _drawn_walls(drawn)]
+    return _Boxes(
+        np.array([solid.X_UG.R for solid in solids]).reshape(-1, 3, 3),
+        np.array([solid.X_UG.p for solid in solids]).reshape(-1, 3),
+        np.array([_half_edges(solid) for solid in solids]).reshape(-1, 3),
+    )
+
+
+def _half_edges(solid: Solid) -> Array:
+    return 0.5 * np.array(solid.size) if solid.kind == "box" else np.full(3, 1e9)
+
+
+def _plate(X_UT: SE3, half: float) -> Array:
+    """Return the corners in U of a plate whose edges are ``2 * half`` long, shape (4, 3) [m]."""
+    return X_UT.act(half * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]))
 
 
 @lru_cache(maxsize=512)
@@ -141,22 +205,20 @@ def _behind(lowest: Array, highest: Array, half: float) -> NDArray[np.bool_]:
     return behind
 
 
-def _set_back(shape: Element, solid: Solid, back_U: Array, missing: float) -> Array:
-    """Cut a box on the side of a tag, and return by how much the middle of a shape moves in its frame [m].
+def _cut(solid: Solid, back_U: Array, missing: float) -> tuple[tuple[float, ...], Array]:
+    """Return the size that is left of a box, and by how much the middle of a shape moves in its frame [m].
 
-    ``solid`` is this shape, ``back_U`` the direction into the tag, and ``missing`` the distance that is
-    missing between them [m].
+    ``back_U`` is the direction from a tag, and ``missing`` the distance that is missing between them [m].
     """
     back_G = solid.X_UG.R.T @ back_U
     if solid.kind != "box":
-        return missing * back_G
-    size, axis = np.array(solid.size), int(np.abs(back_G).argmax())
+        return solid.size, missing * back_G
+    size, axis = list(solid.size), int(np.abs(back_G).argmax())
     cut = min(missing, max(size[axis] - _THINNEST_M, 0.0))
     size[axis] -= cut
     moved_G: Array = (missing - cut) * back_G
     moved_G[axis] += 0.5 * cut * np.sign(back_G[axis])
-    shape.set("size", " ".join(repr(float(edge)) for edge in size))
-    return moved_G
+    return tuple(size), moved_G
 
 
 def _build_wheels(robot: Element, drawn: UnitGeometry, drive: BuiltDrive) -> None:

@@ -11,8 +11,10 @@ from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msrr_scenes.as_built.as_built import AsBuilt, BuiltCamera, BuiltDrive, BuiltFloor, BuiltTag, BuiltUnit
+from msrr_scenes.as_built.covered_tags import covered_tags
 from msrr_scenes.geometry.distortion import COEFFICIENTS, Distortion, has_inverse
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2
@@ -33,8 +35,9 @@ LEAST_FRICTION = 0.1
 #: Distance between two joints of the floor [m].
 JOINT_SPACING_M = 0.5
 
-#: Number of lenses that are drawn for one camera at most; errors that are given stay the same.
-_MOST_LENSES = 50
+#: Number of times at most that the lens of one camera, or the places of the tags of one unit, are drawn;
+#: errors that are given stay the same.
+_MOST_DRAWS = 50
 
 _NS_PER_MS = 1_000_000
 
@@ -73,14 +76,14 @@ class _Draw:
         """Return true over nominal value of a quantity whose deviation is in percent."""
         return 1.0 + 0.01 * self.error(group, quantity, part)
 
-    def angle(self, group: Spec, quantity: str, part: str) -> float:
+    def angle(self, group: Spec, quantity: str, part: str, again: int = 0) -> float:
         """Return the error [rad] of a quantity whose deviation is in degrees."""
-        return math.radians(self.error(group, quantity, part))
+        return math.radians(self.error(group, quantity, part, again))
 
-    def mount(self, group: MountDeviations, part: str) -> SE3 | None:
+    def mount(self, group: MountDeviations, part: str, again: int = 0) -> SE3 | None:
         """Return the pose of a part in the frame where it should be; None if it is there."""
-        place = [self.error(group, quantity, part) for quantity in ("x_m", "y_m", "z_m")]
-        turn = [self.angle(group, quantity, part) for quantity in ("roll_deg", "pitch_deg", "yaw_deg")]
+        place = [self.error(group, quantity, part, again) for quantity in ("x_m", "y_m", "z_m")]
+        turn = [self.angle(group, quantity, part, again) for quantity in ("roll_deg", "pitch_deg", "yaw_deg")]
         return SE3.from_xyz_rpy(place, turn) if any((*place, *turn)) else None
 
 
@@ -112,7 +115,7 @@ def as_designed(scene: Scene) -> AsBuilt:
 
 
 def _unit(scene: Scene, unit: str, draw: _Draw) -> BuiltUnit:
-    spec, name, drawn = scene.as_built, f"unit/{unit}", scene.geometry(unit)
+    spec, name = scene.as_built, f"unit/{unit}"
     camera = _camera(scene.cameras.onboard, spec.onboard, onboard_camera(name), draw)
     for fault in scene.faults:
         if isinstance(fault, CameraMisaligned) and fault.unit == unit:
@@ -120,10 +123,11 @@ def _unit(scene: Scene, unit: str, draw: _Draw) -> BuiltUnit:
             camera = replace(camera, X_BX=X_BX if camera.X_BX is None else X_BX @ camera.X_BX)
     drive, on_drive = spec.drive, f"{name}/drive"
     weighs = scene.plant == "bullet"
+    print_scale = draw.scale(spec.tags, "print_percent", f"{name}/tags")
     return BuiltUnit(
-        geometry=_with_true_tags(scene, drawn, name, draw),
+        geometry=_with_true_tags(scene, unit, print_scale, draw),
         camera=camera,
-        print_scale=draw.scale(spec.tags, "print_percent", f"{name}/tags"),
+        print_scale=print_scale,
         drive=BuiltDrive(
             radius_scale=(
                 draw.scale(drive, "radius_left_percent", on_drive),
@@ -139,11 +143,31 @@ def _unit(scene: Scene, unit: str, draw: _Draw) -> BuiltUnit:
     )
 
 
-def _with_true_tags(scene: Scene, drawn: UnitGeometry, name: str, draw: _Draw) -> UnitGeometry:
+def _with_true_tags(scene: Scene, unit: str, print_scale: float, draw: _Draw) -> UnitGeometry:
+    """Draw the places of the tags of a unit: up to 50 times while the plate of one passes through another.
+
+    What passes so as designed does not count.
+    """
+    drawn = scene.geometry(unit)
+    sizes = print_scale * np.array([scene.tag_size(unit, slot) for slot in drawn.tag_slots])
+
+    def covered(geometry: UnitGeometry) -> NDArray[np.bool_]:
+        poses = [geometry.frame(slot) for slot in drawn.tag_slots]
+        return covered_tags(poses, sizes, scene.tags.tag_family.plate_ratio)
+
+    for again in range(_MOST_DRAWS):
+        built = _moved_tags(scene, drawn, f"unit/{unit}", draw, again)
+        found = built is not drawn and covered(built)
+        if not np.any(found) or not np.any(found & ~covered(drawn)):
+            break
+    return built
+
+
+def _moved_tags(scene: Scene, drawn: UnitGeometry, name: str, draw: _Draw, again: int) -> UnitGeometry:
     """Return the geometry with the tags where they are: brackets first, then every tag on its bracket."""
     spec, moved = scene.as_built, dict[str, SE3]()
     for port in drawn.passive_ports:
-        X_MX = draw.mount(spec.bracket, f"{name}/bracket/{port}")
+        X_MX = draw.mount(spec.bracket, f"{name}/bracket/{port}", again)
         if X_MX is None:
             continue
         slots = drawn.marker_slots(port)
@@ -152,7 +176,7 @@ def _with_true_tags(scene: Scene, drawn: UnitGeometry, name: str, draw: _Draw) -
         X_moved = X_UM @ X_MX @ X_UM.inverse()
         moved |= {slot: X_moved @ drawn.frame(slot) for slot in slots}
     for slot in drawn.tag_slots:
-        X_TX = draw.mount(spec.tags, f"{name}/tags/{slot}")
+        X_TX = draw.mount(spec.tags, f"{name}/tags/{slot}", again)
         if X_TX is not None:
             moved[slot] = moved.get(slot, drawn.frame(slot)) @ X_TX
     return replace(drawn, frames={**drawn.frames, **moved}) if moved else drawn
@@ -195,7 +219,7 @@ def _distortion(
     No lens does that, but of wide ones the coefficients may: at 140 degrees those of one in five. With
     deviations so large that all 50 do, the last one is returned, and refused by what draws through it.
     """
-    for again in range(_MOST_LENSES):
+    for again in range(_MOST_DRAWS):
         errors = {key: draw.error(spec, key, name, again) for key in COEFFICIENTS}
         lens = replace(told, **{key: getattr(told, key) + error for key, error in errors.items()})
         if has_inverse(pinhole, lens):
