@@ -45,8 +45,9 @@ def calibration_errors(
     layout: StateLayout, prior: CalibrationEstimate, learned: CalibrationEstimate
 ) -> tuple[EstimatedCalibrationError, ...]:
     """Return what is known of every error of calibration that has a name: by the drawing, and as learned."""
-    tolerances, sigmas = (np.sqrt(np.diag(known.covariance)).tolist() for known in (prior, learned))
-    rows = zip(layout.quantities, tolerances, learned.mean.tolist(), sigmas, strict=True)
+    by_drawing, seen = (layout.errors(known.mean, known.covariance) for known in (prior, learned))
+    tolerances, sigmas = (np.sqrt(np.diag(covariance)).tolist() for _, covariance in (by_drawing, seen))
+    rows = zip(layout.quantities, tolerances, seen[0].tolist(), sigmas, strict=True)
     return tuple(
         EstimatedCalibrationError(what, what.scale * tolerance, what.scale * error, what.scale * sigma)
         for what, tolerance, error, sigma in rows

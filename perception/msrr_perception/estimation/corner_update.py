@@ -20,7 +20,7 @@ from msrr_perception.kernels.corners import MeasuredCorners, WeightedCorners, de
 from msrr_perception.kernels.edges import TAG_MODULES
 from msrr_perception.kernels.rates import AT_REST, Rates, moved
 from msrr_perception.kernels.section_errors import DataSheet
-from msrr_perception.kernels.update import Rules, update
+from msrr_perception.kernels.update import Rules, scaled_prior, update
 from msrr_perception.motion.filter_state import CalibrationEstimate, FilterState
 from msrr_perception.pose.calibration import POSE_SIZE
 from msrr_perception.pose.corner_fit import deviation, fit_corners, measured_corners
@@ -34,6 +34,9 @@ _NOISE_SHARE, _LARGEST_SCALE = 0.1, 100.0
 
 #: Largest number of linearisations in an update, and the step at which it ends, in standard deviations.
 _ITERATIONS, _TOLERANCE = 6, 3e-3
+
+#: Number of damped fits: by the prior as it is linear at its mean, and at the solution of the first.
+_SCALINGS = 2
 
 #: Way of a tag in the image during an exposure, in modules of its code, from which on its edges are off; and
 #: the standard deviation of its corners then [px]. On rendered tags of 16 to 20 px that is 0.15 px (RMS),
@@ -163,13 +166,17 @@ class CornerUpdate:
         if not len(seen.which):
             return None
         if not fell:
+            mean = prior.mean
             try:
-                information = np.linalg.inv(prior.covariance)
-                information = 0.5 * (information + information.T)
-                fit = fit_corners(target, layout, seen, prior.mean, prior.mean, information, _ITERATIONS)
+                for _ in range(_SCALINGS):
+                    base, spread = scaled_prior(layout.tags, prior.mean, prior.covariance, mean)
+                    inverse = np.linalg.inv(spread)
+                    information: Array = 0.5 * (inverse + inverse.T)
+                    fit = fit_corners(target, layout, seen, mean, base, information, _ITERATIONS)
+                    mean = fit.state
             except np.linalg.LinAlgError:  # by wheel readings in degrees the target is behind, or metres away
                 return None
-            mean, covariance, chi2 = fit.state, fit.covariance, fit.chi2
+            covariance, chi2 = fit.covariance, fit.chi2
             cost = fit.cost - _log_determinant(information) - _log_determinant(covariance)
         mean[YAW] = math.remainder(mean[YAW], 2.0 * math.pi)
         # Near a port each exposure shows a tag or two, and a wrong pose may agree with one of them alone.

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from msrr_perception.kernels.calibrated import PARAMETERS, TargetTags
+from msrr_perception.kernels.calibrated import PARAMETERS, PRINT, TargetTags
 from msrr_perception.kernels.compiled import kernel, subroutine
 from msrr_perception.kernels.corners import MeasuredCorners, WeightedCorners, roots_of_covariance, whitened
 from msrr_perception.kernels.linear_algebra import cholesky, solve
@@ -87,6 +87,39 @@ def distances(S: Array, r: Array) -> Array:
 
 
 @kernel
+def scaled_prior(tags: TargetTags, mean: Array, covariance: Array, state: Array) -> tuple[Array, Array]:
+    """Return mean and covariance of a prior that is Gaussian in lengths by the print, linear at a state.
+
+    Images show no lengths, but how many times as long as the print they are: the distance from the marker,
+    the radii of the wheels, and the distances between tags. What such a length in metres changes by with the
+    print depends on the length. Linear at one state after the other, a filter would take corrections of its
+    place for sights of the scale, and believe ever smaller prints.
+
+    Args:
+        tags: The tags of the target, and which entries of the state are lengths.
+        mean: Mean of the prior, shape (n,).
+        covariance: Covariance of the prior, shape (n, n).
+        state: State at which the prior is linear, shape (n,).
+    """
+    base, prior = mean.copy(), covariance.copy()
+    k = tags.columns[0, PRINT]
+    if k < 0:
+        return base, prior
+    n, before, now = mean.shape[0], 1.0 + mean[k], 1.0 + state[k]
+    larger = now / before
+    for i in range(tags.lengths.shape[0]):
+        row, origin = tags.lengths[i], tags.origins[i]
+        length, at = (mean[row] - origin) / before, (state[row] - origin) / now
+        base[row] = state[row] - now * (at - length) - at * (now - before)
+        by_print = at - larger * length
+        for j in range(n):
+            prior[row, j] = larger * prior[row, j] + by_print * prior[k, j]
+        for j in range(n):
+            prior[j, row] = larger * prior[j, row] + by_print * prior[j, k]
+    return base, prior
+
+
+@kernel
 def update(
     optics: Optics,
     tags: TargetTags,
@@ -139,6 +172,7 @@ def update(
     # The deviation from the prior is d = P u throughout, so that d . u is the prior's part of the cost.
     state, d, u, d_new, u_new = mean.copy(), np.zeros(n), np.zeros(n), np.empty(n), np.empty(n)
     L, z, w = np.zeros((rows, rows)), np.empty(rows), np.empty(rows)
+    base, prior = mean, covariance
     chi2 = np.dot(r, r)
     cost, fell = chi2, rows > 0
     for _ in range(rules.iterations):
@@ -167,14 +201,18 @@ def update(
             break
         d[:], u[:] = d_new, u_new
         for k in range(n):
-            state[k] = mean[k] + d[k]
+            state[k] = base[k] + d[k]
+        by_prior = np.dot(d, u)
+        base, prior = scaled_prior(tags, mean, covariance, state)
+        for k in range(n):
+            d[k] = state[k] - base[k]
         for t in range(seen.which.shape[0]):
             whitened(optics, tags, seen, t, state, r[8 * t : 8 * t + 8], J[8 * t : 8 * t + 8])
-        relate(tags, seen.which, covariance, J, JP, S)
+        relate(tags, seen.which, prior, J, JP, S)
         chi2, before = np.dot(r, r), cost
-        cost = chi2 + np.dot(d, u)
+        cost = chi2 + by_prior
         fell = cost <= before + _NO_RISE
-    P = covariance.copy()
+    P = prior.copy()
     fell = fell and cholesky(S, L)
     if fell:
         for row in range(rows):

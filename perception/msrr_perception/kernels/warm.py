@@ -19,7 +19,7 @@ from msrr_perception.kernels.project import Optics, predict_tags, tag_extent
 from msrr_perception.kernels.rates import AT_REST, moved, rates_by_wheels
 from msrr_perception.kernels.section_errors import DataSheet, variances_of_corners
 from msrr_perception.kernels.track import coast, fuse
-from msrr_perception.kernels.update import Rules, update
+from msrr_perception.kernels.update import Rules, scaled_prior, update
 from msrr_scenes.arrays import frozen
 
 _log = logging.getLogger(__name__)
@@ -39,8 +39,9 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     optics = Optics(np.eye(3, order="F"), np.zeros(3), 8.0, 4.0, 4.0)
     square = np.array([[-0.5, 0.5, 2.0], [0.5, 0.5, 2.0], [0.5, -0.5, 2.0], [-0.5, -0.5, 2.0]])
     pose, state = np.zeros(5), np.zeros(8)
-    corners, none = square[None], np.zeros((1, PARAMETERS))
-    tags = TargetTags(corners, np.zeros((1, 3)), np.eye(3)[None], np.zeros(3), none.astype(np.int64), none)
+    none, nothing = np.zeros((1, PARAMETERS)), np.zeros(0)
+    columns, lengths = none.astype(np.int64), nothing.astype(np.int64)
+    tags = TargetTags(square[None], np.zeros((1, 3)), np.zeros(3), columns, none, lengths, nothing)
     which, still = np.zeros(1, np.int64), np.zeros(3)
     pixels = np.array([[2.0, 6.0], [6.0, 6.0], [6.0, 2.0], [2.0, 2.0]])
     predict_tags(optics, 8, 8, pose, frozen(np.eye(3)), square[None], 1.0)
@@ -51,6 +52,7 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     roots = roots_of_covariance(optics, tags, measured, AT_REST, state, variances, 0.1)
     seen, rules = WeightedCorners(which, row, measured.after, np.zeros(1), roots, AT_REST), Rules(1.0, 1, 1.0)
     update(optics, tags, measured, AT_REST, sheet, 1.0, 0.1, state, np.eye(8), rules)
+    scaled_prior(tags, state, np.eye(8), state)
     derivatives(optics, tags, seen, state)
     fit(optics, tags, seen, state, state, np.eye(8), 2, 1e-3)
     steps, drive = np.zeros((1, 5)), Drive(*[1.0] * len(Drive._fields)).packed()

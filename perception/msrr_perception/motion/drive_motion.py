@@ -59,10 +59,10 @@ class DriveMotion:
         ]
         self.in_motion = tuple((np.square([left, right, track]) / np.square(wheels)).tolist())
         layout = target.filter_layout
-        sigmas = np.concatenate([wheels, layout.prior])
-        covariance = np.diag(sigmas**2)
-        covariance[:DRIVE_SIZE, :DRIVE_SIZE] += noise.strain**2
-        self.prior = CalibrationEstimate(np.zeros(len(sigmas)), covariance, layout.own - POSE_SIZE)
+        covariance = np.zeros((DRIVE_SIZE + len(layout.prior),) * 2)
+        covariance[:DRIVE_SIZE, :DRIVE_SIZE] = np.diag(np.square(wheels)) + noise.strain**2
+        covariance[DRIVE_SIZE:, DRIVE_SIZE:] = layout.covariance
+        self.prior = CalibrationEstimate(np.zeros(len(covariance)), covariance, layout.own - POSE_SIZE)
         # Two readings, each rounded to a tick.
         self._rounding = 2.0 * (2.0 * math.pi / odometry.ticks_per_turn * target.wheel_radius) ** 2 / 12.0
         self._play = 3.0 * target.tolerances.backlash

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from msrr_perception.kernels.calibrated import (
     BORDER,
-    BRACKET,
     CAMERA,
     CENTRE,
     CLOCK,
@@ -30,14 +29,18 @@ from msrr_perception.kernels.calibrated import (
     TAG,
     TargetTags,
 )
+from msrr_perception.pose.marker_mounts import (
+    MOUNT_SIZE,
+    OFF_FLOOR,
+    ON_FLOOR,
+    mounts_by_errors,
+    reference_tag,
+)
 from msrr_scenes.arrays import Array
 from msrr_scenes.specs.as_built import AsBuiltSpec, MountDeviations
 
 #: Number of entries of a pose with tilt, and of the drive's errors that follow it in the state of a filter.
 POSE_SIZE, DRIVE_SIZE = 5, 3
-
-#: Indices of the place on the floor's plane, x, y and yaw, in a mount.
-_ON_FLOOR = (0, 1, 5)
 
 #: Number of exposures during which the errors of a tag that is not in the state are taken to be the same.
 #: They last, and to take them for noise that is drawn anew would make the filter believe them, the sooner the
@@ -113,7 +116,7 @@ class Tolerances:
         out = np.zeros(PARAMETERS)
         out[CAMERA : CAMERA + 6], out[FOCAL], out[CENTRE : CENTRE + 2] = self.camera, self.focal, self.centre
         out[K1], out[CLOCK], out[EDGE], out[PRINT] = self.k1, self.clock_s, _EDGE_PX, self.printed
-        out[BRACKET : BRACKET + 6], out[TAG : TAG + 6] = self.bracket, self.tag
+        out[TAG : TAG + MOUNT_SIZE] = self.tag
         out[BORDER:] = 1.0
         return out
 
@@ -148,9 +151,9 @@ _NAMES: Mapping[int, tuple[str, float]] = {
     K1: ("onboard.k1", 1.0),
     CLOCK: ("onboard.clock_ms", 1e3),
     PRINT: ("tags.print_percent", 100.0),
-    **dict(enumerate(_mount_names("bracket"), BRACKET)),
     **dict(enumerate(_mount_names("tags"), TAG)),
 }
+_BRACKET = dict(enumerate(_mount_names("bracket")))
 _DRIVE = tuple(Quantity(f"drive.{key}_percent", 100.0) for key in ("radius_left", "radius_right", "track"))
 
 
@@ -162,6 +165,8 @@ class StateLayout:
         tags: The tags of the target, with the columns of each in the state.
         index: Index of each tag in ``tags``.
         prior: Standard deviations of the errors of calibration, shape (n - first,), behind pose and drive.
+        by_errors: Entries of a state by these errors, shape (n - first, n - first): the place of a tag rests
+            on the mount of its bracket too.
         first: Index of the first of them.
         marker: Index of the place (x, y, yaw) of the marker on the floor's plane, which no image shows; None
             if it is as designed.
@@ -175,6 +180,7 @@ class StateLayout:
     tags: TargetTags
     index: Mapping[int, int]
     prior: Array = field(default_factory=lambda: np.zeros(0))
+    by_errors: Array = field(default_factory=lambda: np.zeros((0, 0)))
     first: int = POSE_SIZE
     marker: int | None = None
     roof: int | None = None
@@ -185,6 +191,24 @@ class StateLayout:
     def size(self) -> int:
         """Number n of the entries of a state."""
         return self.first + len(self.prior)
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance by the tolerances of the entries of a state behind pose and drive."""
+        root = self.by_errors * self.prior
+        covariance: Array = root @ root.T
+        return covariance
+
+    def errors(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
+        """Return the errors that :attr:`quantities` name, shape (n - 5,), and their covariance.
+
+        Args:
+            mean: Mean of the entries of a state behind the pose, shape (n - 5,).
+            covariance: Their covariance.
+        """
+        by_state, drive = np.eye(len(mean)), self.first - POSE_SIZE
+        by_state[drive:, drive:] = np.linalg.inv(self.by_errors)
+        return by_state @ mean, by_state @ covariance @ by_state.T
 
     @property
     def clock(self) -> int | None:
@@ -203,17 +227,13 @@ def pose_layout(corners_D: Mapping[int, Array], port_tags: Sequence[int]) -> Sta
     ids = sorted(corners_D)
     corners = np.array([corners_D[i] for i in ids]).reshape(-1, 4, 3)
     centres = corners.mean(axis=1)
-    x, y = corners[:, 1] - corners[:, 0], corners[:, 0] - corners[:, 3]
-    axes = np.stack([x, y, np.cross(x, y)], axis=2)
-    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    local = np.einsum("tji,tcj->tci", axes, corners - centres[:, None])
     columns = np.full((len(ids), PARAMETERS), -1)
     columns[:, POSE : POSE + POSE_SIZE] = np.arange(POSE_SIZE)
     marker = [ids.index(i) for i in port_tags]
     pivot = centres[marker].mean(axis=0) if marker else np.zeros(3)
-    considered = np.zeros(columns.shape)
+    considered, none = np.zeros(columns.shape), np.zeros(0, np.int64)
     return StateLayout(
-        TargetTags(local, centres, np.ascontiguousarray(axes), pivot, columns, considered),
+        TargetTags(corners - centres[:, None], centres, pivot, columns, considered, none, np.zeros(0)),
         {tag: k for k, tag in enumerate(ids)},
     )
 
@@ -232,59 +252,112 @@ def roof_layout(drawn: StateLayout, roof: Array) -> StateLayout:
         drawn.tags,
         drawn.index,
         np.maximum(roof, _LEAST_SIGMA) if held else np.zeros(0),
+        np.eye(3 if held else 0),
         first,
         roof=first if held else None,
         own=np.arange(POSE_SIZE, first),
-        quantities=(*_DRIVE, *(None for _ in _ON_FLOOR if held)),
+        quantities=(*_DRIVE, *(None for _ in ON_FLOOR if held)),
     )
 
 
 def filter_layout(drawn: StateLayout, port_tags: Sequence[int], tolerances: Tolerances) -> StateLayout:
     """Return the layout of a filter's state: pose, drive, and every error of calibration with a tolerance.
 
-    The pose, of which ``drawn`` is the layout, is that against the marker of the port, wherever the bracket
-    holds it on the floor's plane: this no image shows, and the place of the marker comes last in the state.
-    If images depended on it, a filter would learn it nevertheless, and wrongly, because it linearises anew at
-    every step (Julier and Uhlmann, "A counter example to the theory of simultaneous localization and map
-    building", ICRA 2001). Height and tilt of the bracket and the mounts of the tags of the target port are in
-    the state. Those of its other ports, which are seen at a slant and from farther away, are considered as
+    A filter linearises anew at every step. What no image shows it learns nevertheless if images depend on it,
+    and wrongly (Julier and Uhlmann, "A counter example to the theory of simultaneous localization and map
+    building", ICRA 2001). Therefore entries of the state are not the errors that ``quantities`` names, but
+    as many sums of these:
+
+    - The pose is that against the marker of the port, wherever that is held on the floor's plane. The place
+      of the marker is that of one of its tags, the reference, and comes last in the state.
+    - A tag of the port has one mount, for which its bracket and its own place add up, in the axes of D and on
+      the floor's plane against the reference.
+
+    The mounts of the tags of other ports, which are seen at a slant and from farther away, are considered as
     noise.
     """
     sigmas, columns, prior = tolerances.sigmas(), drawn.tags.columns.copy(), list[float]()
-    first = POSE_SIZE + DRIVE_SIZE
-    considered, own, marker = np.zeros(columns.shape), first, None
+    first = own = POSE_SIZE + DRIVE_SIZE
     quantities: list[Quantity | None] = [*_DRIVE]
 
-    def add(parameters: range, tags: Sequence[int], tag_id: int | None = None) -> None:
+    def add(k: int, sigma: float, names: Mapping[int, tuple[str, float]], tag: int | None = None) -> int:
+        prior.append(max(sigma, _LEAST_SIGMA))
+        quantities.append(Quantity(*names[k], tag) if k in names and sigma > 0.0 else None)
+        return first + len(prior) - 1
+
+    def add_for_all(parameters: range) -> None:
         for k in parameters:
             if sigmas[k] > 0.0:
-                columns[list(tags), k] = first + len(prior)
-                prior.append(max(float(sigmas[k]), _LEAST_SIGMA))
-                quantities.append(Quantity(*_NAMES[k], tag_id) if k in _NAMES else None)
+                columns[:, k] = add(k, sigmas[k], _NAMES)
 
     on_port = [drawn.index[i] for i in port_tags]
+    mounts = any((*tolerances.bracket, *tolerances.tag))
+    tags, sums, marker = drawn.tags, list[int](), None
     if on_port:
-        add(range(CAMERA, PRINT), range(len(drawn.index)))
+        add_for_all(range(CAMERA, PRINT))
         own = first + len(prior)
-        add(range(PRINT, BRACKET), range(len(drawn.index)))
-        add(range(BRACKET + 2, BRACKET + 5), on_port)  # z, roll, pitch
+        add_for_all(range(PRINT, TAG))
+        if mounts:
+            sums += [add(k, tolerances.bracket[k], _BRACKET) for k in OFF_FLOOR]
         for tag_id in port_tags:
-            add(range(TAG, PARAMETERS), [drawn.index[tag_id]], tag_id)
+            tag = drawn.index[tag_id]
+            if mounts:
+                columns[tag, TAG:BORDER] = [add(k, sigmas[k], _NAMES, tag_id) for k in range(TAG, BORDER)]
+                sums += columns[tag, TAG:BORDER].tolist()
+            columns[tag, BORDER:] = [add(k, sigmas[k], _NAMES) for k in range(BORDER, PARAMETERS)]
+        if mounts:
+            marker = first + len(prior)
+            sums += [add(k, tolerances.bracket[k], _BRACKET) for k in ON_FLOOR]
+    by_errors, pivot, axes = np.eye(len(prior)), tags.pivot, _axes(tags.corners)
     elsewhere = [k for k in range(len(drawn.index)) if k not in on_port]
-    # Twice, because the brackets of both ports are off.
-    considered[elsewhere, BRACKET:TAG] = 2.0 * _LASTING_FRAMES * sigmas[BRACKET:TAG] ** 2
-    considered[elsewhere, TAG:BORDER] = _LASTING_FRAMES * sigmas[TAG:BORDER] ** 2
-    tags = drawn.tags._replace(columns=columns, considered=considered)
-    if on_port and any(tolerances.bracket[k] for k in _ON_FLOOR):
-        marker = first + len(prior)
-        prior += [max(tolerances.bracket[k], _LEAST_SIGMA) for k in _ON_FLOOR]
-        quantities += [Quantity(*_NAMES[BRACKET + k]) for k in _ON_FLOOR]
+    considered = tags.considered.copy()
+    considered[elsewhere, TAG:BORDER] = _seen_from_afar(
+        tolerances, tags.centres[elsewhere] - pivot, axes[elsewhere]
+    )
+    if marker is not None:
+        at = np.array(sums) - first
+        by_errors[np.ix_(at, at)] = mounts_by_errors(tags.centres[on_port], axes[on_port])
+        reference = on_port[reference_tag(tags.centres[on_port])]
+        pivot = tags.centres[reference]
+        columns[reference, [TAG + k for k in ON_FLOOR]] = -1
+    # Distances from the pivot, radii of the wheels, and places of tags about the pivot.
+    places, radii = columns[on_port, TAG : TAG + 3].ravel(), [POSE_SIZE, POSE_SIZE + 1]
+    lengths = np.array([0, 1, *radii, *places[places >= 0]])
+    origins = np.array([*pivot[:2], -1.0, -1.0, *(pivot - tags.centres[on_port]).ravel()[places >= 0]])
     return StateLayout(
-        tags,
+        TargetTags(tags.corners, tags.centres, pivot, columns, considered, lengths, origins),
         drawn.index,
         np.array(prior),
+        by_errors,
         first,
         marker,
         own=np.arange(POSE_SIZE, own),
         quantities=tuple(quantities),
     )
+
+
+def _axes(corners: Array) -> Array:
+    """Return the rotations R_DT of tags, shape (T, 3, 3), by corners about their middles, shape (T, 4, 3)."""
+    x, y = corners[:, 1] - corners[:, 0], corners[:, 0] - corners[:, 3]
+    axes = np.stack([x, y, np.cross(x, y)], axis=2)
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    return axes
+
+
+def _seen_from_afar(tolerances: Tolerances, arms: Array, axes: Array) -> Array:
+    """Return the variances of the mounts of tags of other ports, shape (T, 6), in the axes of D.
+
+    They count twice, because those of the port of the target are off as well.
+
+    Args:
+        tolerances: Tolerances of the mounts.
+        arms: Middles of the tags from the middle of the marker, shape (T, 3) [m].
+        axes: Rotations R_DT of the tags, shape (T, 3, 3).
+    """
+    bracket, tag = np.square(tolerances.bracket), np.square(tolerances.tag)
+    place, turn = axes**2 @ tag[:3] + bracket[:3], axes**2 @ tag[3:] + bracket[3:]
+    x, y, z = np.square(arms).T
+    roll, pitch, yaw = bracket[3:]
+    place += np.stack([pitch * z + yaw * y, roll * z + yaw * x, roll * y + pitch * x], axis=1)
+    variances: Array = 2.0 * _LASTING_FRAMES * np.concatenate([place, turn], axis=1)
+    return variances

@@ -8,6 +8,7 @@ import pytest
 from msrr_perception.estimation.calibration_errors import calibration_errors
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.motion.filter_state import CalibrationEstimate
+from msrr_perception.pose.calibration import POSE_SIZE
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.specs.scene import Scene
 
@@ -15,9 +16,11 @@ from msrr_scenes.specs.scene import Scene
 def test_tolerances_are_those_of_the_scene_and_errors_are_told_by_them(careful: Scene) -> None:
     target = TargetModel.from_scene(careful.told(), careful.docks[0])
     layout, prior = target.filter_layout, CornerEkf(target, careful.odometry).prior
-    sigmas = np.sqrt(np.diag(prior.covariance))
+    sigmas = np.sqrt(np.diag(layout.errors(prior.mean, prior.covariance)[1]))
     by = np.linspace(-6.0, 6.0, len(sigmas))
-    learned = CalibrationEstimate(by * sigmas, 0.25 * prior.covariance, prior.shared)
+    drive = layout.first - POSE_SIZE
+    mean = np.concatenate([(by * sigmas)[:drive], layout.by_errors @ (by * sigmas)[drive:]])
+    learned = CalibrationEstimate(mean, 0.25 * prior.covariance, prior.shared)
     named = [k for k, quantity in enumerate(layout.quantities) if quantity is not None]
     found = calibration_errors(layout, prior, learned)
     assert [one.quantity for one in found] == [layout.quantities[k] for k in named]

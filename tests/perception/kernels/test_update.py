@@ -9,11 +9,13 @@ import pytest
 from scipy.stats import chi2
 
 from msrr_perception.estimation.corner_update import CornerUpdate
+from msrr_perception.kernels.calibrated import PRINT
 from msrr_perception.kernels.corners import MeasuredCorners, WeightedCorners, derivatives, roots_of_covariance
 from msrr_perception.kernels.edges import reach_px
 from msrr_perception.kernels.rates import AT_REST, Rates
 from msrr_perception.kernels.section_errors import CornerVariances, border_px, sampling_px, surplus
 from msrr_perception.motion.filter_state import FilterState
+from msrr_perception.pose.calibration import StateLayout
 from msrr_perception.pose.joint_pose import CornerNoise
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.messages import Detections, Exposure, TagDetection
@@ -67,20 +69,21 @@ def _by_numpy(
     seen = WeightedCorners(
         which[inside], corners[inside], after[inside], border[inside], roots[inside], rates
     )
-    information = np.linalg.inv(P)
     x, (r, J) = m, derivatives(target.optics, layout.tags, seen, m)
+    base, information = _in_metres(layout, m, P, x)
     cost = chi = r @ r
     for _ in range(6):
         H = information + J.T @ J
-        step = np.linalg.solve(H, J.T @ r - information @ (x - m))
+        step = np.linalg.solve(H, J.T @ r - information @ (x - base))
         if step @ H @ step < 9e-6 * len(m):
             break
         x = x + step
         r, J = derivatives(target.optics, layout.tags, seen, x)
         before, chi = cost, r @ r
-        cost = chi + (x - m) @ information @ (x - m)
+        cost = chi + (x - base) @ information @ (x - base)
         if cost > before + 0.01:
             return prior, False
+        base, information = _in_metres(layout, m, P, x)
     scale = 0.9 * prior.noise_scale + 0.1 * prior.noise_scale * chi / corners[inside].size
     covariance = np.linalg.inv(information + J.T @ J)
     # Laplace's method: a likelihood is as high as the best point, and as wide as the covariance there.
@@ -88,6 +91,28 @@ def _by_numpy(
     cost += chi2.ppf(GATE, 8) * (len(tags) - sum(inside))
     scale = float(np.clip(scale, 1.0, 100.0))
     return prior._replace(mean=x, covariance=covariance, noise_scale=scale, cost=prior.cost + cost), True
+
+
+def _in_prints(layout: StateLayout, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return a state with lengths as multiples of the print, and its derivatives by the state."""
+    printed, lengths, origins = layout.tags.columns[0, PRINT], layout.tags.lengths, layout.tags.origins
+    by_print, jacobian = state.copy(), np.eye(len(state))
+    if printed >= 0:
+        size = 1.0 + state[printed]
+        by_print[lengths] = (state[lengths] - origins) / size
+        jacobian[lengths, lengths] = 1.0 / size
+        jacobian[lengths, printed] = -by_print[lengths] / size
+    return by_print, jacobian
+
+
+def _in_metres(
+    layout: StateLayout, mean: np.ndarray, covariance: np.ndarray, state: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and information of a prior that is Gaussian in lengths by the print, linear at a state."""
+    (told, at_mean), (now, at_state) = _in_prints(layout, mean), _in_prints(layout, state)
+    to_metres = np.linalg.inv(at_state)
+    spread = to_metres @ at_mean @ covariance @ at_mean.T @ to_metres.T
+    return state - to_metres @ (now - told), np.linalg.inv(spread)
 
 
 def _prior(target: TargetModel, rng: np.random.Generator) -> FilterState:
