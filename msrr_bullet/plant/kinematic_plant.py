@@ -55,6 +55,8 @@ class KinematicPlant(Plant):
         self._poses = {name: placement.units[name] for name in scene.units}
         self._wheels = dict.fromkeys(scene.units, (0.0, 0.0))
         self._twists = dict.fromkeys(scene.units, Twist())
+        # Of a unit that stood in the last tick: the speeds of its wheels, which rounding makes of its pose.
+        self._standing: dict[str, tuple[float, float]] = {}
         self._ports: dict[str, KinematicPort] = {}
         self._plugged: set[tuple[str, str]] = set()
 
@@ -66,15 +68,24 @@ class KinematicPlant(Plant):
             velocity, drivetrain = self._drive(name), self._drivetrains[name]
             if not drivetrain.ideal:
                 velocity = drivetrain.motion(drivetrain.step(velocity, dt))
+            if name in self._standing and not (velocity.v or velocity.w):
+                continue  # the product would be this pose, bit for bit
             self._poses[name] = self._poses[name] @ SE2.exp(velocity.v * dt, 0.0, velocity.w * dt)
         constrained: set[str] = set()
         for name in self._ports:
             self._constrain(name, constrained)
         for name, X_WU in self._poses.items():
-            motion = (before[name].inverse() @ X_WU).log()
-            self._twists[name] = Twist(float(motion[0]) / dt, float(motion[2]) / dt)
-            # Wheels turn as far as their unit moves: their motors are too weak to slip against a port.
-            rates = self._drivetrains[name].rolling(self._twists[name])
+            stands = X_WU == before[name]
+            rates = self._standing.get(name) if stands else None
+            if rates is None:
+                motion = (before[name].inverse() @ X_WU).log()
+                self._twists[name] = Twist(float(motion[0]) / dt, float(motion[2]) / dt)
+                # Wheels turn as far as their unit moves: their motors are too weak to slip against a port.
+                rates = self._drivetrains[name].rolling(self._twists[name])
+                if stands:
+                    self._standing[name] = rates
+                else:
+                    self._standing.pop(name, None)
             left, right = (angle + rate * dt for angle, rate in zip(self._wheels[name], rates, strict=True))
             self._wheels[name] = left, right
         self.tick += 1
@@ -82,10 +93,10 @@ class KinematicPlant(Plant):
             port.step(dt)
         if self._world is not None:
             for name, X_WU in self._poses.items():
-                stands = X_WU, self._wheels[name]
-                if self._placed.get(name) != stands:
-                    self._world.place(name, *stands)
-                    self._placed[name] = stands
+                placed = X_WU, self._wheels[name]
+                if self._placed.get(name) != placed:
+                    self._world.place(name, *placed)
+                    self._placed[name] = placed
             self._world.reveal(seconds(self.now_ns()))
 
     def pose(self, unit: str) -> SE2:
