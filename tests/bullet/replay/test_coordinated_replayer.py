@@ -46,7 +46,7 @@ def record(scene: Scene, folder: Path) -> TrialResult:
         return Trial(scene, 1, recorder=recorder).run()
 
 
-def copied(log: Log, path: Path, edit: Callable[[int, Any], Any], end_s: float = 2.5) -> Path:
+def copied(log: Log, path: Path, edit: Callable[[int, Any], Any], end_s: float = 1.5) -> Path:
     """Copy the first seconds of a log.
 
     ``edit`` gets the number of each message in its class, and returns None to leave it out.
@@ -103,7 +103,7 @@ def test_a_mission_by_pixels_is_identical(pixel_run: Path, tmp_path: Path) -> No
         return Detections(m.exposure, (), m.windows) if isinstance(m, Detections) else m
 
     assert (
-        replay(copied(read_log(pixel_run), tmp_path / "blind.mcap", blind)).mismatches[0].what == "detections"
+        replay(copied(read_log(pixel_run), tmp_path / "blind.mcap", blind, 2.5)).mismatches[0].what == "detections"
     )
 
 
@@ -123,7 +123,7 @@ def test_one_changed_message_is_found(
     line_log: Log, tmp_path: Path, kind: type, changed: Callable[[Any], Any], reported: str
 ) -> None:
     def edit(number: int, message: Any) -> Any:
-        return changed(message) if isinstance(message, kind) and number == 20 else message
+        return changed(message) if isinstance(message, kind) and number == 10 else message
 
     report = replay(copied(line_log, tmp_path / "changed.mcap", edit))
     assert report.mismatches[0].what == reported
@@ -135,16 +135,16 @@ def test_what_was_heard_and_seen_matters(line_log: Log, tmp_path: Path, kind: ty
     """Without the messages of one kind from some time on the decisions differ."""
 
     def edit(number: int, message: Any) -> Any:
-        return None if isinstance(message, kind) and number >= 100 else message
+        return None if isinstance(message, kind) and number >= 40 else message
 
-    assert not replay(copied(line_log, tmp_path / "deaf.mcap", edit, 5.0)).identical
+    assert not replay(copied(line_log, tmp_path / "deaf.mcap", edit, 2.5)).identical
 
 
 def test_truth_does_not_matter(line_log: Log, tmp_path: Path) -> None:
     def edit(_: int, m: Any) -> Any:
         return TruePose(m.name, m.stamp_ns, m.X_WB.inverse()) if isinstance(m, TruePose) else m
 
-    assert replay(copied(line_log, tmp_path / "truth.mcap", edit, 5.0)).identical
+    assert replay(copied(line_log, tmp_path / "truth.mcap", edit, 2.5)).identical
 
 
 def test_a_base_station_whose_program_fails_fails_again(
@@ -153,7 +153,7 @@ def test_a_base_station_whose_program_fails_fails_again(
     step = Coordinator.step
 
     def failing(self: Coordinator, now_ns: int) -> list[Authority]:
-        if now_ns > 2_000_000_000:
+        if now_ns > 500_000_000:
             raise ProgramFailedError("the coordinator is at its wits' end")
         return step(self, now_ns)
 
@@ -166,7 +166,7 @@ def test_a_base_station_whose_program_fails_fails_again(
     (difference,) = replay(tmp_path).mismatches
     assert (difference.what, difference.replayed) == ("event", None)
     with monkeypatch.context() as patched:
-        patched.setattr(Coordinator, "step", lambda self, ns: failing(self, ns + 1_000_000_000))
+        patched.setattr(Coordinator, "step", lambda self, ns: failing(self, ns + 300_000_000))
         assert replay(tmp_path).mismatches[-1].what == "event"
 
 

@@ -28,6 +28,9 @@ from msrr_scenes.specs.scene import Scene
 
 SEED = 1
 
+#: A start from which a unit has docked in half the time.
+NEAR = {"units.a.pose.x_m": "-0.35"}
+
 
 def record(scene: Scene, seed: int, path: Path) -> TrialResult:
     """Run a trial and write the log without the other files of a run folder."""
@@ -37,9 +40,9 @@ def record(scene: Scene, seed: int, path: Path) -> TrialResult:
 
 @pytest.fixture(scope="module")
 def run(shipped: Callable[..., Scene], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One docking by rendered images, from the start to the pull test."""
+    """One docking by rendered images, from near the port to the pull test."""
     out = tmp_path_factory.mktemp("docking")
-    result = record(shipped("close_range"), SEED, out / "trial.mcap")
+    result = record(shipped("close_range", NEAR), SEED, out / "trial.mcap")
     assert result.outcome is Outcome.DOCKED
     (out / "result.json").write_text(result.to_json())
     return out
@@ -104,7 +107,7 @@ def test_another_process_writes_the_same_log(run: Path, log: Log, tmp_path: Path
         "from msrr_bullet.log.mcap_recorder import McapRecorder\n"
         "from msrr_bullet.trial.trial import Trial\n"
         "from msrr_scenes.loading.load import load_scene\n"
-        "scene = load_scene('close_range', {'as_built': 'perfect'})\n"
+        f"scene = load_scene('close_range', {{'as_built': 'perfect', **{NEAR}}})\n"
         f"header = LogHeader.of(scene, {SEED}, {{}})\n"
         "with McapRecorder(Path(sys.argv[1]) / 'trial.mcap', header) as recorder:\n"
         f"    result = Trial(scene, {SEED}, recorder=recorder).run()\n"
@@ -161,7 +164,10 @@ def test_the_robot_does_not_depend_on_the_truth_of_the_log(log: Log, tmp_path: P
 
 
 def test_a_replay_that_differs_names_the_versions_and_the_processor_that_do(
-    shipped: Callable[..., Scene], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    shipped: Callable[..., Scene],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Another processor rounds otherwise. What is equal is not named."""
     quick = {"perception": "parametric", "plant": "unicycle", "time_limit_s": "0.5"}
@@ -173,6 +179,7 @@ def test_a_replay_that_differs_names_the_versions_and_the_processor_that_do(
         return replace(m, twist=Twist(m.twist.v + 1e-15, m.twist.w))
 
     other = rewritten(log, tmp_path / "other.mcap", Action, rounded, header)
+    monkeypatch.setattr("msrr_bullet.replay.isolation.replay_isolated", replay)  # not in a process of its own
     assert app.run(["replay", str(other)]) == 1
     assert capsys.readouterr().out.splitlines()[-1] == (
         f"{other}: written with processor z80, retired 1.0; here with processor {here['processor']}, "

@@ -80,7 +80,8 @@ def test_a_unit_leaves_its_port_by_the_route_that_it_has_begun(
             authorise(self, replace(later, limit=-1.0, legs=()))
 
     monkeypatch.setattr(GuidedUnit, "authorise", twice)
-    result = run("[{undock: c}]", FAST)
+    # Out of its port after four seconds, it never begins the other route, which ends nowhere.
+    result = run("[{undock: c}]", {**FAST, "time_limit_s": "12"})
     assert _steps(result) == [("b.rear", Outcome.UNDOCKED, "undocked")]
 
 
