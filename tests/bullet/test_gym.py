@@ -205,8 +205,7 @@ def test_the_time_limit_of_the_scene_truncates(made: Callable[..., DockingEnv]) 
 
 
 def test_a_plan_of_two_docks_is_one_episode(made: Callable[..., DockingEnv]) -> None:
-    near = {"a.pose.x_m": 0.5, "a.pose.y_m": 0.4, "c.pose.x_m": -0.4, "c.pose.y_m": 0.3}
-    env = made("three_units", **{f"units.{key}": value for key, value in near.items()})
+    env = made("three_units")
     env.reset(seed=0)
     steps, result = episode(env)
     assert result.outcome is Outcome.DOCKED, result.reason

@@ -102,9 +102,8 @@ def test_a_mission_by_pixels_is_identical(pixel_run: Path, tmp_path: Path) -> No
     def blind(_: int, m: Any) -> Any:
         return Detections(m.exposure, (), m.windows) if isinstance(m, Detections) else m
 
-    assert (
-        replay(copied(read_log(pixel_run), tmp_path / "blind.mcap", blind, 2.5)).mismatches[0].what == "detections"
-    )
+    report = replay(copied(read_log(pixel_run), tmp_path / "blind.mcap", blind, 2.5))
+    assert report.mismatches[0].what == "detections"
 
 
 @pytest.mark.parametrize(
