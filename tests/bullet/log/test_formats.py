@@ -10,6 +10,7 @@ import re
 import types
 import typing
 from enum import Enum
+from functools import cache
 
 import cv2
 import jsonschema
@@ -44,6 +45,7 @@ SHAPES = {
 }
 
 
+@cache  # hypothesis looks at a strategy for as long as a message takes to draw
 def strategy(kind: typing.Any, name: str = "") -> st.SearchStrategy[typing.Any]:
     """Any value of a message's field, from its type: a new message is tested without a new line here."""
     origin, args = typing.get_origin(kind), typing.get_args(kind)
