@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import SuperLU, splu
 
 from msrr_perception.mapping.bundle import Bundle, Sightings
@@ -99,7 +99,7 @@ def adjust(
     for _ in range(_STEPS):
         jacobian = bundle.jacobian(seen)
         weights = 1.0 / np.sqrt(1.0 + (residuals / scale_px) ** 2)
-        weighted = jacobian.T.multiply(weights).tocsr()
+        weighted = _weighted_rows(jacobian, weights).T.tocsr()
         normal, gradient, cost = weighted @ jacobian, weighted @ residuals, _cost(residuals, scale_px)
         while True:
             step = -_factorised(normal, damping).solve(gradient)
@@ -127,11 +127,18 @@ def _cost(residuals: Array, scale_px: float) -> float:
     return float(2.0 * scale_px**2 * (np.sqrt(1.0 + (residuals / scale_px) ** 2) - 1.0).sum())
 
 
+def _weighted_rows(matrix: csr_array, weights: Array) -> csr_array:
+    """Return a matrix whose rows are multiplied by weights, shape (rows,)."""
+    data = matrix.data * np.repeat(weights, np.diff(matrix.indptr))
+    return csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
 def _factorised(normal: csr_array, damping: float) -> SuperLU:
     diagonal = normal.diagonal()
     # A view or a tag that no sighting is left of stays where it is.
     added = np.where(diagonal == 0.0, 1.0, damping * diagonal)
-    damped = csc_array(normal) + diags_array(added, format="csc")
+    places = np.arange(len(added) + 1, dtype=np.int32)
+    damped = csc_array(normal) + csc_array((added, places[:-1], places), shape=normal.shape)
     try:
         return splu(damped)
     except RuntimeError:

@@ -138,12 +138,13 @@ class Bundle:
 
     def residuals(self, seen: Sightings) -> Array:
         """Return projected minus detected corners, shape (8 N,) [px]."""
-        return np.asarray((self.project(self.corners_C(seen))[0] - seen.corners).ravel())
+        _, plane = self._on_plane(self.corners_C(seen))
+        return np.asarray((self._pixels(self.lens.distortion.apply(plane)) - seen.corners).ravel())
 
     def jacobian(self, seen: Sightings) -> csr_array:
         """Return the derivatives of :meth:`residuals` by a step of the variables, shape (8 N, n)."""
         corners_C = self.corners_C(seen)
-        _, by_point, by_lens = self.project(corners_C)
+        by_point, by_lens = self._slopes(corners_C)
         by_place = by_point @ self.R_CM[seen.view, np.newaxis]
         turn_view = -by_point @ _hat(corners_C - self.p_CM[seen.view, np.newaxis])
         turn_tag = -by_place @ _hat(self._corners_from_tag(seen))
@@ -192,11 +193,20 @@ class Bundle:
         rotated = corners_M @ self.R_CM[seen.view].swapaxes(1, 2)
         return np.asarray(rotated + self.p_CM[seen.view, np.newaxis])
 
-    def project(self, corners_C: Array) -> tuple[Array, Array, Array]:
-        """Return pixels (N, 4, 2), and their derivatives by the corners and by the lens (N, 4, 2, 3 or 5)."""
-        camera, distortion = self.lens.camera, self.lens.distortion
+    def _on_plane(self, corners_C: Array) -> tuple[Array, Array]:
+        """Return the depths (N, 4) of corners [m], and where they are on the plane at depth 1 (4 N, 2)."""
         z = np.maximum(corners_C[..., 2], NEAREST * self.tag_size)
-        plane = (corners_C[..., :2] / z[..., np.newaxis]).reshape(-1, 2)
+        return z, (corners_C[..., :2] / z[..., np.newaxis]).reshape(-1, 2)
+
+    def _pixels(self, shown: Array) -> Array:
+        """Return the pixels (N, 4, 2) of points of the distorted plane (4 N, 2)."""
+        camera = self.lens.camera
+        return np.asarray((camera.focal * shown + [camera.cx, camera.cy]).reshape(-1, 4, 2))
+
+    def _slopes(self, corners_C: Array) -> tuple[Array, Array]:
+        """Return the derivatives of pixels by the corners and by the lens, shape (N, 4, 2, 3 or 5)."""
+        camera, distortion = self.lens.camera, self.lens.distortion
+        z, plane = self._on_plane(corners_C)
         shown = distortion.apply(plane)
         by_plane = camera.focal * distortion.jacobian(plane).reshape(*z.shape, 2, 2)
         plane_by_point = np.zeros((*z.shape, 2, 3))
@@ -208,12 +218,7 @@ class Bundle:
         r2 = (plane**2).sum(axis=1, keepdims=True)
         by_lens[:, :, 3] = camera.focal * r2 * plane * [1.0, distortion.aspect]
         by_lens[:, :, 4] = r2 * by_lens[:, :, 3]
-        pixels = camera.focal * shown + [camera.cx, camera.cy]
-        return (
-            pixels.reshape(*z.shape, 2),
-            by_plane @ plane_by_point,
-            by_lens.reshape(*z.shape, 2, len(LENS_ENTRIES)),
-        )
+        return by_plane @ plane_by_point, by_lens.reshape(*z.shape, 2, len(LENS_ENTRIES))
 
 
 def _hat(vectors: Array) -> Array:
