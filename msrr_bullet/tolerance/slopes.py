@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from typing import Literal
 
 import numpy as np
-from scipy.stats import chi2, norm
-from scipy.stats import t as student
+from scipy.special import gammaincinv, ndtri, stdtrit
 
 from msrr_bullet.tolerance.model import Slope, StudyTrial
 from msrr_scenes.arrays import Array
@@ -54,11 +53,12 @@ def _interval(error: Array, change: Array, seed: Array, rms: float, mean: float)
         variance = n / (n - 1) * float((relative**2).sum())
         # The share of the mean in the mean square, less what chance makes of it.
         constant = max(0.0, (n * (mean / rms) ** 2 - 1.0) / (n - 1))
-        wider = (student.ppf(0.975, n - 1) / norm.ppf(0.975)) ** 2
+        wider = (float(stdtrit(n - 1, 0.975)) / float(ndtri(0.975))) ** 2  # quantiles of Student's t and normal
         variance *= 1.0 + (wider - 1.0) * constant**2
     variance = max(variance, 2.0 / n * (1.0 - constant**2), 1e-16)
     freedom = max(2.0 / variance, 1.0)  # one value has one, and several that scatter have no fewer
-    low, high = (rms * float(np.sqrt(freedom / chi2.ppf(p, freedom))) for p in (0.975, 0.025))
+    chi_squared = (2.0 * float(gammaincinv(0.5 * freedom, p)) for p in (0.975, 0.025))  # its quantiles
+    low, high = (rms * float(np.sqrt(freedom / quantile)) for quantile in chi_squared)
     return low, high
 
 
