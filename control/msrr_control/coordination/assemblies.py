@@ -110,11 +110,11 @@ def _fitted(X_WA: SE2, places: Sequence[SE2], sights: Sequence[GlobalPose]) -> S
     placed = np.array([X_AU.as_array() for X_AU in places])
     seen = np.array([sight.X_WB.as_array() for sight in sights])
     weights = np.linalg.inv(np.array([sight.relative for sight in sights]) + SEATED)
+    jacobians = np.tile(np.eye(3), (len(placed), 1, 1))
     for _ in range(_ITERATIONS):
         poses = compose(X_WA, placed)
         residuals = seen - poses
         residuals[:, 2] = np.remainder(residuals[:, 2] + math.pi, 2.0 * math.pi) - math.pi
-        jacobians = np.tile(np.eye(3), (len(poses), 1, 1))
         jacobians[:, 0, 2], jacobians[:, 1, 2] = X_WA.y - poses[:, 1], poses[:, 0] - X_WA.x
         weighted = jacobians.transpose(0, 2, 1) @ weights
         information = (weighted @ jacobians).sum(axis=0)

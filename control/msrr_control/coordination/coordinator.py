@@ -130,6 +130,11 @@ class Coordinator:
         heard = [unit for unit in units if unit.name not in muted and unit.track is not None]
         return [unit.authority(units, now_ns, expires_ns) for unit in heard]
 
+    @property
+    def state(self) -> MissionState:
+        """Whether the mission goes on, or how it has ended."""
+        return self._state
+
     def status(self, now_ns: int) -> MissionStatus:
         """Return how the mission stands."""
         return MissionStatus(

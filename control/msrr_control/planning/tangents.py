@@ -68,10 +68,12 @@ class _Ring:
         points = np.stack([circle.x + reach * np.sin(headings), circle.y - reach * np.cos(headings)], axis=-1)
         free = space.free_points(points).tolist()
         # Of each point, how many from it on are free, in the sense of the turn; all of a circle is enough.
-        self._free, run = [0] * count, count if all(free) else 0
-        for k in range(2 * count - 1, -1, -1):
-            run = min(run + 1, count) if free[k % count] else 0
-            self._free[k % count] = run
+        self._free = [count] * count
+        if not all(free):
+            run = free.index(False)
+            for k in range(count - 1, -1, -1):
+                run = run + 1 if free[k] else 0
+                self._free[k] = run
 
     def allows(self, arrive: float, angle: float) -> bool:
         """Return whether an arc of that angle, entered with heading ``arrive``, is free [rad]."""

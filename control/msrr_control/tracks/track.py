@@ -90,16 +90,17 @@ class Track:
             Arc length of the sample before which the track comes nearer, and after which it does not; None if
             that part of the track does not pass.
         """
-        inside = np.flatnonzero((self.s >= low) & (self.s <= high))
-        delta = self.poses[inside, :2] - X_WU.translation
-        turned = np.abs(np.remainder(self.poses[inside, 2] - X_WU.yaw + math.pi, 2.0 * math.pi) - math.pi)
+        begin = int(np.searchsorted(self.s, low))
+        inside = self.poses[begin : int(np.searchsorted(self.s, high, side="right"))]
+        delta = inside[:, :2] - X_WU.translation
+        turned = np.abs(np.remainder(inside[:, 2] - X_WU.yaw + math.pi, 2.0 * math.pi) - math.pi)
         apart = np.hypot(delta[:, 0], delta[:, 1]) + 0.1 * turned
         near = apart < off
         if not near.any():
             return None
         first = int(near.argmax())
         leads_away = np.append(np.diff(apart[first:]) > 0.0, True)
-        return float(self.s[inside[first + int(leads_away.argmax())]])
+        return float(self.s[begin + first + int(leads_away.argmax())])
 
 
 class TrackBuilder:

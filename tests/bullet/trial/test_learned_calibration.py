@@ -43,7 +43,7 @@ def test_the_second_time_a_port_looks_as_it_did_from_its_seat(learns: bool) -> N
 @pytest.mark.timeout(300)
 def test_a_unit_calibrates_in_front_of_the_port_and_docks() -> None:
     recorder = MemoryRecorder()
-    scene = load_scene("close_range", {"as_built": "careful", "plan.0.calibrate": "true"})
+    scene = load_scene("close_range", {"plan.0.calibrate": "true", "units.a.pose.x_m": "-0.45"})
     result = Trial(scene, 0, recorder=recorder).run()
     assert result.docked
     actions = [m for _, _, m in recorder.messages if isinstance(m, Action)]

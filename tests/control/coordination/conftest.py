@@ -24,6 +24,7 @@ from msrr_control.shapes.reconfiguration import assembly_ports, shape_ports
 from msrr_control.shapes.shape import Shape
 from msrr_control.tracks.authority import MovementAuthority
 from msrr_control.tracks.track import Track, track_of
+from msrr_scenes.arrays import frozen
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose, ObstacleEstimate
 from msrr_scenes.messages.coordination import (
@@ -51,6 +52,7 @@ SPEED = {
 ACCELERATION, DECELERATION = 0.147, 0.8 * LIMITS.a_max_mps2
 LOCK_S, UNLOCK_S, SEIZED_S, UNSEEN_S = 2.0, 1.0, 5.0, 10.0
 RETREAT_M = 0.5
+COVARIANCE = frozen(np.eye(3) * 1e-6)
 CAMERA_NS = 100_000_000
 
 
@@ -320,7 +322,7 @@ class Rig:
         return max(drive, self._earliest_lock_s(unit.holder.partition(".")[0])) + dock + LOCK_S
 
     def run(self, seconds: float = 400.0) -> MissionStatus:
-        while self.now_ns < 1e9 * seconds and self.status.state is MissionState.RUNNING:
+        while self.now_ns < 1e9 * seconds and self.coordinator.state is MissionState.RUNNING:
             self.step()
         return self.status
 
@@ -329,7 +331,7 @@ class Rig:
         for _ in range(BASE_NS // TICK_NS):
             self._move()
         bodies = [
-            GlobalPose(u.name, self.now_ns, self._seen(u.X_WU), np.eye(3) * 1e-6)
+            GlobalPose(u.name, self.now_ns, self._seen(u.X_WU), COVARIANCE)
             for u in self.units.values()
             if not u.hidden
         ]
