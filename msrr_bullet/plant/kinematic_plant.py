@@ -75,7 +75,7 @@ class KinematicPlant(Plant):
         for name in self._ports:
             self._constrain(name, constrained)
         for name, X_WU in self._poses.items():
-            stands = X_WU == before[name]
+            stands = before[name] == X_WU
             rates = self._standing.get(name) if stands else None
             if rates is None:
                 motion = (before[name].inverse() @ X_WU).log()

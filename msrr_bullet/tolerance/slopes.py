@@ -53,9 +53,8 @@ def _interval(error: Array, change: Array, seed: Array, rms: float, mean: float)
         variance = n / (n - 1) * float((relative**2).sum())
         # The share of the mean in the mean square, less what chance makes of it.
         constant = max(0.0, (n * (mean / rms) ** 2 - 1.0) / (n - 1))
-        wider = (
-            float(stdtrit(n - 1, 0.975)) / float(ndtri(0.975))
-        ) ** 2  # quantiles of Student's t and normal
+        student, normal = float(stdtrit(n - 1, 0.975)), float(ndtri(0.975))
+        wider = (student / normal) ** 2
         variance *= 1.0 + (wider - 1.0) * constant**2
     variance = max(variance, 2.0 / n * (1.0 - constant**2), 1e-16)
     freedom = max(2.0 / variance, 1.0)  # one value has one, and several that scatter have no fewer
