@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import binomtest
 
 from msrr_bullet.statistics import quantile
 from msrr_scenes.arrays import Array
@@ -36,6 +35,8 @@ def mcnemar(first: ArrayLike, second: ArrayLike) -> PairedCount:
 
     Flags are those of the same trials, shape (trials,).
     """
+    from scipy.stats import binomtest  # slow to import, and most sweeps compare nothing
+
     a, b = np.asarray(first, dtype=bool), np.asarray(second, dtype=bool)
     alone = int((a & ~b).sum()), int((b & ~a).sum())
     p = float(binomtest(alone[0], sum(alone)).pvalue) if sum(alone) else 1.0

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Generator, Sequence
 
-from scipy.stats import binom
-
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.tolerance.effects import Effect
 from msrr_bullet.tolerance.model import ContactError, EffectResult, SizeSample, StudyTrial
@@ -76,6 +74,8 @@ def condition_trials(
 
 
 def _ruled_out(failed: int, trials: int) -> bool:
+    from scipy.stats import binom  # slow to import
+
     return float(binom.sf(failed - 1, trials, 1.0 - REQUIRED)) <= _RULED_OUT
 
 

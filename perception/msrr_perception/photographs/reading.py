@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from msrr_perception.photographs.picture_files import PictureError
 from msrr_perception.photographs.tag_finder import FoundTag, TagFinder
@@ -135,4 +135,5 @@ def _best(pictures: Sequence[PictureTags]) -> list[TagPose]:
 
 def _typical(squares: Sequence[float]) -> float:
     """Return the variance of residuals by the median of the sums of their squares; 0 of none."""
-    return float(np.median(squares) / chi2.median(_FREE)) if squares else 0.0
+    median = 2.0 * float(gammaincinv(0.5 * _FREE, 0.5))  # of the chi-squared distribution
+    return float(np.median(squares) / median) if squares else 0.0

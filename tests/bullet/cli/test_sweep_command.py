@@ -72,6 +72,7 @@ def test_trials_go_on_and_are_written_where_nobody_reads_of_them(
     assert {row["seed"] for row in rows} == {"0", "1"}
 
 
+@pytest.mark.usefixtures("sweeps_here")
 def test_a_store_that_gets_full_costs_no_result(
     short_trial: list[str], tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
