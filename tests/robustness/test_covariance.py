@@ -169,9 +169,11 @@ def test_on_the_way(what: str, shipped: Callable[..., Scene]) -> None:
 
 @pytest.mark.nightly
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize("name", ["close_range", "two_units"])
+@pytest.mark.parametrize(
+    ("name", "grade"), [("close_range", "careful"), ("two_units", "careful"), ("close_range", "rough")]
+)
 def test_what_an_approach_shows_of_the_calibration(
-    name: str, shipped: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
+    name: str, grade: str, shipped: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The errors of the filter about its calibration in 48 trials are as large as their standard deviations.
 
@@ -193,7 +195,7 @@ def test_what_an_approach_shows_of_the_calibration(
     monkeypatch.setattr(CornerEkf, "add_detections", add_detections)
     errors, learned = defaultdict(list), defaultdict(list)
     for number, seed in enumerate(range(900, 948), 1):
-        scene = shipped(name, {"as_built": "careful", "units.b.number": str(number)})
+        scene = shipped(name, {"as_built": grade, "units.b.number": str(number)})
         Trial(scene, seed).run()
         built = draw_as_built(scene, seed).errors
         for known in filters[0].calibration_errors():
@@ -202,7 +204,7 @@ def test_what_an_approach_shows_of_the_calibration(
             learned[key].append(known.sigma / known.tolerance)
             assert not known.contradicts, known
     ratio = {key: math.sqrt(np.square(values).mean()) for key, values in errors.items()}
-    print(f"\n{name}: sigma over tolerance, RMS and mean of the errors over sigma")
+    print(f"\n{name}, {grade}: sigma over tolerance, RMS and mean of the errors over sigma")
     for key, value in ratio.items():
         print(f"{key:36} {np.mean(learned[key]):4.2f} {value:4.2f} {np.mean(errors[key]):+5.2f}")
     assert len(ratio) == 39
