@@ -24,7 +24,7 @@ _PLAY_SHARE = 0.6
 def pose_in_D(layout: StateLayout, state: FilterState) -> tuple[SE2, Array]:
     """Return the pose in D of a state and its derivatives by the state, shape (3, n).
 
-    The marker turns about its middle, and the pose with it.
+    The marker turns about its reference tag, and the pose with it.
     """
     pose, shares = pose_by_marker(
         state.mean, -1 if layout.marker is None else layout.marker, layout.tags.pivot

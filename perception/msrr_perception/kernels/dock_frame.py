@@ -25,7 +25,7 @@ def pose_by_marker(mean: Array, marker: int, pivot: Array) -> tuple[Array, Array
     Args:
         mean: State, shape (n,), that begins with the pose against the marker.
         marker: Index of the place (x, y, yaw) of the marker in the state; -1 if it is as designed.
-        pivot: Middle of the marker, about which it turns, shape (3,) [m].
+        pivot: Middle of its reference tag, about which it turns, shape (3,) [m].
 
     Returns:
         Pose, and derivatives by the pose against the marker and by the place of the marker.
