@@ -12,6 +12,7 @@ import pytest
 from scipy.stats import chi2
 
 from msrr_scenes.as_built import AsBuilt, BuiltDrive, as_designed, draw_as_built
+from msrr_scenes.as_built.covered_tags import covered_tags
 from msrr_scenes.as_built.draw import LEAST_FRICTION
 from msrr_scenes.geometry.distortion import Distortion, has_inverse
 from msrr_scenes.geometry.se2 import SE2
@@ -232,3 +233,29 @@ def test_a_lens_that_shows_a_point_twice_is_drawn_anew() -> None:
         first = sigma * stream(seed, "as_built/unit/a/onboard/k1").standard_normal()
         folded += camera.distortion.k1 != pytest.approx(first)
     assert 0 < folded < 20
+
+
+def test_no_plate_passes_through_another_tag() -> None:
+    """Of rough units one in five is drawn again; what is drawn of others, and of all else, stays the same."""
+    rough, again = scene("rough"), 0
+    for seed in range(40):
+        built = draw_as_built(rough, seed)
+        for name, unit in built.units.items():
+            slots = unit.geometry.tag_slots
+            sizes = unit.print_scale * np.array([rough.tag_size(name, slot) for slot in slots])
+            poses = [unit.geometry.frame(slot) for slot in slots]
+            assert not covered_tags(poses, sizes, rough.tags.tag_family.plate_ratio).any()
+            key = f"unit/{name}/bracket/rear/x_m"
+            first = stream(seed, f"as_built/{key}").standard_normal()
+            again += built.errors[key] != pytest.approx(rough.as_built.bracket.x_m.sigma * float(first))
+    assert 0 < again < 40  # of 80
+
+
+def test_a_plate_covers_a_tag_where_one_of_their_edges_passes_through_the_other() -> None:
+    flat, sizes = SE3(np.eye(3), np.zeros(3)), np.array([0.04, 0.04])
+    upright = SE3.from_xyz_rpy(np.zeros(3), [math.pi / 2.0, 0.0, 0.0])
+    for y, covered in ((0.0, True), (0.019, True), (0.021, False)):  # of a tag of 40 mm
+        poses = [flat, SE3(upright.R, np.array([0.0, y, 0.0]))]
+        assert covered_tags(poses, sizes, 1.25)[0, 1] == covered, y
+    above = [flat, SE3(flat.R, np.array([0.0, 0.0, -0.001]))]
+    assert not covered_tags(above, sizes, 1.25).any()  # beside each other, or one in front of the other
