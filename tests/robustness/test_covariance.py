@@ -180,11 +180,11 @@ def test_what_an_approach_shows_of_the_calibration(
     Each trial has tags of other ids: what a tag shows beside its borders moves its edges alike in all trials,
     so that trials with the same tags would be one draw of these errors.
 
-    Measured: 0.7 to 1.6, most for the focal length in ``two_units``; 2.1 for k1 in ``close_range`` if corners
-    of tags that a turn smears count as those of others do. Of 39 honest deviations one gives a ratio above
-    1.4 once in 300 times, and of 39 that are 1.4 times too small one gives a ratio above 2.0 once in 900.
-    Nothing that was built within its tolerances contradicts them. Of ``rough`` robots the camera is left out:
-    what noise and blur leave of tags far away tells of its lens with errors that the filter does not know.
+    Measured: 0.6 to 1.7, most for focal length and k1 in ``two_units``; 2.1 for k1 in ``close_range`` if
+    corners of tags that a turn smears count as those of others do. Of 39 honest deviations one gives a ratio
+    above 1.4 once in 300 times, and of 39 that are 1.4 times too small one gives a ratio above 2.0 once in
+    900. Nothing that was built within its tolerances contradicts them. Of ``rough`` robots the camera is left
+    out: what noise and blur leave of tags far away tells of its lens, with errors unknown to the filter.
     """
     filters: list[CornerEkf] = []
     receive = CornerEkf.add_detections
