@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from msrr_perception.pose.calibration import mount_sigmas
 from msrr_perception.pose.global_pose import FlatTag
+from msrr_perception.pose.tolerances import mount_sigmas
 from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.geometry.pinhole import PinholeCamera
 from msrr_scenes.geometry.se2 import SE2

@@ -10,8 +10,9 @@ from types import MappingProxyType
 import numpy as np
 
 from msrr_perception.kernels.project import Optics
-from msrr_perception.pose.calibration import StateLayout, Tolerances, filter_layout, pose_layout, roof_layout
+from msrr_perception.pose.calibration import StateLayout, filter_layout, pose_layout, roof_layout
 from msrr_perception.pose.corner_errors import UPRIGHT_CONTRAST, CornerErrors
+from msrr_perception.pose.tolerances import Tolerances
 from msrr_perception.pose.tone import straight_tone
 from msrr_scenes.arrays import Array, frozen
 from msrr_scenes.errors import SceneError

@@ -15,9 +15,9 @@ from msrr_perception.estimation.first_fit import FirstFit, _is_good
 from msrr_perception.kernels.section_errors import DataSheet
 from msrr_perception.motion.drive_motion import DriveMotion
 from msrr_perception.motion.motion_noise import DEFAULT_NOISE
-from msrr_perception.pose.calibration import Tolerances
 from msrr_perception.pose.joint_pose import CornerNoise, joint_pose, one_tag_poses
 from msrr_perception.pose.target import TargetModel, pose_vector
+from msrr_perception.pose.tolerances import Tolerances
 from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.pinhole import body_pose, optical_pose
 from msrr_scenes.geometry.se2 import SE2
