@@ -49,6 +49,7 @@ def make_setup(setting: str = "normal") -> DockSetup:
         camera_offset=0.0,
         pin_reach=0.018,
         mouth=0.015,
+        pins=(0.04, -0.04),
         los=LosSpec(),
         limits=limits,
         rate_hz=50.0,

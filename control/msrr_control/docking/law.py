@@ -51,6 +51,7 @@ class DockSetup:
         camera_offset: l_c, distance of the camera ahead of the axle [m].
         pin_reach: Distance by which the pins stick out beyond the face [m].
         mouth: Lateral error up to which the pins pass the mouths of the holes [m].
+        pins: Places of the left and the right pin on the face, left of its middle positive [m].
         los: Line-of-sight target and cone.
         limits: What the drive can do.
         rate_hz: Control rate.
@@ -70,6 +71,7 @@ class DockSetup:
     camera_offset: float
     pin_reach: float
     mouth: float
+    pins: tuple[float, float]
     los: LosSpec
     limits: LimitsSpec
     rate_hz: float
@@ -110,6 +112,7 @@ class DockSetup:
             camera_offset=float(geometry.frame("camera").p[0]),
             pin_reach=mechanism.pin_length,
             mouth=mechanism.mouth,
+            pins=mechanism.pins,
             los=scene.los,
             limits=scene.limits,
             rate_hz=scene.control.rate_hz,

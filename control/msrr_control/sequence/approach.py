@@ -63,10 +63,12 @@ def _take_in_sensors(c: DockingContext, view: PortView) -> None:
         c.distrusts = True
     if switches is not None and switches.either and not c.was_in_holes:
         c.reached_bottom(switches.left, switches.right)
-    if not closed:
-        c.closed_gap = None
-    elif c.closed_gap is None:
-        c.closed_gap = view.gap
+    sides = (False, False) if switches is None else (switches.left, switches.right)
+    left, right = (
+        (view.gap_at(aside) if before is None else before) if there else None
+        for there, before, aside in zip(sides, c.closed_gaps, c.setup.pins, strict=True)
+    )
+    c.closed_gaps = left, right
     if not _at_port(c, view):
         c.memory.sigma_lateral = min(c.memory.sigma_lateral or math.inf, view.sigma_lateral)
         c.memory.sigma_yaw = min(c.memory.sigma_yaw or math.inf, view.sigma_yaw)

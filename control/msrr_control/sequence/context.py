@@ -74,7 +74,8 @@ class DockingContext:
             :meth:`slow_down`.
         distrusts: Whether the seat switches were closed away from the port, or before they should: they tell
             nothing of a seat.
-        closed_gap: Gap that was seen when both seat switches closed [m]; None while one of them is open.
+        closed_gaps: Gaps that were seen at the left and at the right pin when its seat switch closed [m];
+            None while it is open.
         seat: How the unit sees its seat, in which a tug test has shown it to be held; None before one.
         last_gap: Last known distance between the faces [m], updated by odometry; None while unknown.
     """
@@ -103,7 +104,7 @@ class DockingContext:
     presses: bool = False
     speed_share: float = 1.0
     distrusts: bool = False
-    closed_gap: float | None = None
+    closed_gaps: tuple[float | None, float | None] = (None, None)
     seat: PortView | None = None
     last_gap: float | None = None
     _previous_ns: int | None = None

@@ -80,13 +80,17 @@ def shortest_seen(c: DockingContext, view: PortView) -> float:
 
 
 def closed_early(c: DockingContext, view: PortView) -> bool:
-    """Return whether the pins went on, after the seat switches had closed, by more than the switches travel.
+    """Return whether a pin went on, after its seat switch had closed, by more than the switch travels.
 
     Then the switches do not show a seat, and the pins may be out of reach of the lock. Errors of camera,
-    marker and map are the same in both views.
+    marker and map are the same in both views. A unit that comes in turned has one pin at the bottom long
+    before the other, and goes on to turn about it: the gap between the faces would show little of that way.
     """
     most = c.tuning.switch_travel_m + c.tuning.progress_m
-    return c.closed_gap is not None and c.closed_gap - view.gap > most
+    return any(
+        closed is not None and closed - view.gap_at(aside) > most
+        for closed, aside in zip(c.closed_gaps, c.setup.pins, strict=True)
+    )
 
 
 def lock_is_open(c: DockingContext) -> bool:

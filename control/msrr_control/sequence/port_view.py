@@ -73,6 +73,10 @@ class PortView(NamedTuple):
             last_seen_ns=pose.last_seen_ns,
         )
 
+    def gap_at(self, aside: float) -> float:
+        """Return the gap at a place of the face that lies ``aside`` of its middle, left positive [m]."""
+        return self.gap + aside * math.sin(self.yaw)
+
     def off_seat(self, seated_gap: float) -> float:
         """Return the distance [m] from the place of a seated unit."""
         return math.hypot(self.gap - seated_gap, self.lateral)

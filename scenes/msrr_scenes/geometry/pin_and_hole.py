@@ -36,17 +36,19 @@ _MANY_POINTS = 200
 class PinAndHole:
     """What the pins of an active port and the holes of a passive port tolerate, at the height of the pins.
 
-    It follows from widths alone, wherever pins and holes are.
+    What they tolerate follows from widths alone, wherever pins and holes are.
 
     Attributes:
         pin_length: Length of the pins, from the plane of the face to the tips [m].
         mouth: Lateral error up to which the tips of a parallel unit pass the mouths of the holes [m].
         play: Lateral play of the pins to each side when the faces meet [m].
+        pins: Places of the left and the right pin on the face, left of its middle positive [m].
     """
 
     pin_length: float
     mouth: float
     play: float
+    pins: tuple[float, float]
 
     @classmethod
     def of(cls, unit: UnitGeometry, port: str, target: UnitGeometry, target_port: str) -> PinAndHole:
@@ -81,9 +83,10 @@ def _measure(unit: UnitGeometry, port: str, target: UnitGeometry, target_port: s
     ends = {f"port_{target_port}_hole_{side}" for side in ("left", "right")}
     walls = {solid.link for solid in target.solids} - ends - set(target.pins)
     found = [(math.inf, math.inf)]
-    for pin, end in product(unit.pins, ends):
-        body, plate = bounds(unit, pin, X_PU), bounds(target, end, X_DT)
-        if body is None or plate is None:
+    bodies = {pin: body for pin in unit.pins if (body := bounds(unit, pin, X_PU)) is not None}
+    for (pin, body), end in product(bodies.items(), ends):
+        plate = bounds(target, end, X_DT)
+        if plate is None:
             continue
         depth, (_, middle, height) = min(length, float(plate[0, 0])), plate.mean(axis=0).tolist()
         parts = _sections(unit, {pin}, X_PU, float(body[:, 2].mean()), length)
@@ -92,8 +95,10 @@ def _measure(unit: UnitGeometry, port: str, target: UnitGeometry, target_port: s
         found.append(_fit(parts, _sections(target, walls, X_DT, height, depth), middle, length))
     mouth, play = map(min, zip(*found, strict=True))
     if math.isinf(mouth):
-        return PinAndHole(length, _MOUTH_M, _PLAY_M)
-    return PinAndHole(length, round(mouth, _DIGITS), round(play, _DIGITS))
+        mouth, play = _MOUTH_M, _PLAY_M
+    aside = [float(body[:, 1].mean()) for body in bodies.values()]
+    pins = round(max(aside), _DIGITS), round(min(aside), _DIGITS)
+    return PinAndHole(length, round(mouth, _DIGITS), round(play, _DIGITS), pins)
 
 
 def _fit(pin: list[Array], walls: list[Array], middle: float, length: float) -> tuple[float, float]:

@@ -113,7 +113,7 @@ def test_pins_in_the_funnel_at_first_are_held_there() -> None:
 
 @pytest.mark.parametrize("mouth", [0.0005, 0.002, 0.015, 0.03])
 def test_pins_enter_mouths_of_any_width_before_they_reach_their_edges(mouth: float) -> None:
-    capture = CaptureRange.of(PinAndHole(pin_length=MOUTH_M, mouth=mouth, play=0.0004))
+    capture = CaptureRange.of(PinAndHole(pin_length=MOUTH_M, mouth=mouth, play=0.0004, pins=(0.04, -0.04)))
     assert 0.8 * mouth < capture.lateral_m < mouth
 
 

@@ -138,10 +138,14 @@ def test_a_careful_trial_is_replayed_bit_for_bit(plant: str, perception: str, tm
     assert report.commands > 100
 
 
-def test_a_unit_whose_seat_switches_close_too_early_knows_that_its_lock_holds_nothing() -> None:
-    """It stopped before its pins were in reach of the lock, and believed that it was docked."""
-    scene = load_scene("close_range", {"as_built.body.switch_travel_m": "0.005"})
-    (step,) = Trial(scene, 18).run().steps
+@pytest.mark.parametrize(("start", "seed"), [({}, 18), ({"units.a.pose.x_m": "-0.3"}, 17)])
+def test_a_unit_whose_seat_switches_close_too_early_knows_that_its_lock_holds_nothing(start, seed) -> None:
+    """It stopped before its pins were in reach of the lock, and believed that it was docked.
+
+    From nearby it came in turned by 5 deg, so that one pin was 6 mm ahead of the other.
+    """
+    scene = load_scene("close_range", {"as_built.body.switch_travel_m": "0.005", **start})
+    (step,) = Trial(scene, seed).run().steps
     assert step.outcome is Outcome.DOCKED, step.verdict_reason
     assert len(step.attempts) == 2
 

@@ -9,7 +9,7 @@ from msrr_control.kinematics.controlled_point import offset_point, point_velocit
 from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-FACTS = DockSetup(0.1, 0.0, 0.018, 0.015, LosSpec(), LimitsSpec.model_validate({}), 50.0)
+FACTS = DockSetup(0.1, 0.0, 0.018, 0.015, (0.04, -0.04), LosSpec(), LimitsSpec.model_validate({}), 50.0)
 LAW = C1DockingLaw(C1DockingParams(), FACTS)
 
 

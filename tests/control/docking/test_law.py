@@ -21,7 +21,7 @@ from msrr_scenes.specs.control import LosSpec
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.vehicle import LimitsSpec
 
-FACTS = DockSetup(0.1, 0.02, 0.018, 0.015, LosSpec(), LimitsSpec.model_validate({}), 50.0)
+FACTS = DockSetup(0.1, 0.02, 0.018, 0.015, (0.04, -0.04), LosSpec(), LimitsSpec.model_validate({}), 50.0)
 LAWS = {
     "c1": C1DockingLaw(C1DockingParams(), FACTS),
     "c2": C2DockingLaw(C2DockingParams(), FACTS),
@@ -148,6 +148,7 @@ def test_a_docking_law_drives_one_robot_as_it_drives_many(name: str, facts: Dock
 )
 def test_a_geometry_that_cannot_work_is_refused(changes, message) -> None:
     values = {"offset": 0.1, "camera_offset": 0.0, "pin_reach": 0.018, "mouth": 0.015, "los": LosSpec()}
+    values["pins"] = FACTS.pins
     with pytest.raises(SceneError, match=message):
         DockSetup(**{**values, **changes}, limits=FACTS.limits, rate_hz=50.0)
 
@@ -158,6 +159,7 @@ def test_a_camera_ahead_of_the_axle_sees_the_edges_under_larger_angles_at_contac
         "offset": 0.1,
         "pin_reach": 0.018,
         "mouth": 0.015,
+        "pins": FACTS.pins,
         "los": LosSpec(),
         "limits": FACTS.limits,
         "rate_hz": 50.0,

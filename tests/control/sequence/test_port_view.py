@@ -22,6 +22,7 @@ FACTS = DockSetup(
     camera_offset=0.02,
     pin_reach=0.018,
     mouth=0.015,
+    pins=(0.04, -0.04),
     los=LosSpec(),
     limits=LimitsSpec(),
     rate_hz=50.0,
@@ -82,6 +83,8 @@ def test_gap_and_lateral_are_the_active_port_in_the_dock_frame(X_DU: SE2) -> Non
     assert (view.gap, view.lateral, view.yaw) == pytest.approx((-port.x, port.y, port.yaw), abs=1e-12)
     assert view.age == pytest.approx(2.0)
     assert view.off_seat(0.001) == pytest.approx(math.hypot(port.x + 0.001, port.y), abs=1e-12)
+    for pin in FACTS.pins:
+        assert view.gap_at(pin) == pytest.approx(-port.act((0.0, pin))[0], abs=1e-12)
 
 
 @pytest.mark.parametrize("correlation", [-0.95, -0.5, 0.0, 0.5, 0.95])

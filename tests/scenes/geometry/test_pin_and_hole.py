@@ -56,10 +56,10 @@ def measured(unit: UnitGeometry, target: UnitGeometry) -> tuple[float, float]:
 
 
 def test_the_shipped_unit_tolerates_what_its_drawing_says() -> None:
-    """Tips of 10 mm in mouths of 40 mm, pins of 13 mm in throats of 16 mm; 18 mm long."""
+    """Tips of 10 mm in mouths of 40 mm, pins of 13 mm in throats of 16 mm; 18 mm long, 80 mm apart."""
     for port in UNIT.passive_ports:
         found = PinAndHole.of(UNIT, "front", UNIT, port)
-        assert (found.mouth, found.play) == (0.015, 0.0015)
+        assert (found.mouth, found.play, found.pins) == (0.015, 0.0015, (0.04, -0.04))
         assert found.pin_length == pytest.approx(0.018, abs=1e-6)
 
 
