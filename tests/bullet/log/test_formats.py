@@ -79,7 +79,7 @@ def strategy(kind: typing.Any, name: str = "") -> st.SearchStrategy[typing.Any]:
 
 
 @pytest.mark.parametrize("kind", WITHOUT_PIXELS, ids=lambda kind: kind.__name__)
-@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=10, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_every_message_comes_back_bit_for_bit(kind: type, data: st.DataObject) -> None:
     message = data.draw(strategy(kind))

@@ -179,7 +179,8 @@ def test_a_limit_that_is_none_is_refused_before_any_trial(scene: Scene, limit_s:
         run_sweep(scene, range(3), executor=inline, trial=made_up, wall_limit_s=limit_s)
 
 
-@pytest.mark.parametrize("interrupts", [pytest.param(0, marks=pytest.mark.nightly), 1])
+@pytest.mark.nightly
+@pytest.mark.parametrize("interrupts", [0, 1])
 def test_processes_that_do_not_end_cost_no_result(tmp_path: Path, interrupts: int) -> None:
     """A class of one's own can start a thread for which a process waits at its end; Ctrl-C may come then."""
     (tmp_path / "threaded_trial.py").write_text(

@@ -138,7 +138,10 @@ def test_a_careful_trial_is_replayed_bit_for_bit(plant: str, perception: str, tm
     assert report.commands > 100
 
 
-@pytest.mark.parametrize(("start", "seed"), [({}, 18), ({"units.a.pose.x_m": "-0.3"}, 17)])
+@pytest.mark.parametrize(
+    ("start", "seed"),
+    [pytest.param({}, 18, marks=pytest.mark.nightly), ({"units.a.pose.x_m": "-0.3"}, 17)],
+)
 def test_a_unit_whose_seat_switches_close_too_early_knows_that_its_lock_holds_nothing(start, seed) -> None:
     """It stopped before its pins were in reach of the lock, and believed that it was docked.
 

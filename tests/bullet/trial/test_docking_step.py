@@ -223,7 +223,8 @@ time_limit_s: 60
 """
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.nightly)])
+@pytest.mark.nightly
+@pytest.mark.parametrize("seed", [0, 1])
 def test_a_unit_that_slides_down_a_slippery_slope_docks_in_the_next_attempt(
     tmp_path: Path, seed: int
 ) -> None:

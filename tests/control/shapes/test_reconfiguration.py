@@ -203,7 +203,9 @@ def _grown(rules: HopRules, names: Sequence[str], rng: random.Random) -> dict[Po
     return form
 
 
-@pytest.mark.parametrize(("units", "named"), [(6, True), (9, True), (16, True), (16, False)])
+@pytest.mark.parametrize(
+    ("units", "named"), [(6, True), (9, True), pytest.param(16, True, marks=pytest.mark.nightly), (16, False)]
+)
 def test_place_by_place_a_way_leads_from_any_form_to_any_other(
     units: int, named: bool, setup: CoordinationSetup
 ) -> None:
