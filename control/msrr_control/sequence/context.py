@@ -72,8 +72,8 @@ class DockingContext:
         presses: Whether the unit presses on in its seat, as a seat switch has opened with the wheels at rest.
         speed_share: Share of ``spec.press_mps`` at which the unit comes to the port and presses; see
             :meth:`slow_down`.
-        distrusts: Whether the seat switches were closed away from the port, or before they should: they tell
-            nothing of a seat.
+        distrusts: Whether the seat switches were closed away from the port, or before they should, or while
+            a tug test showed that the unit is not held: they tell nothing of a seat.
         closed_gaps: Gaps that were seen at the left and at the right pin when its seat switch closed [m];
             None while it is open.
         seat: How the unit sees its seat, in which a tug test has shown it to be held; None before one.

@@ -82,11 +82,13 @@ def tug_test(c: DockingContext) -> Twist | Transition:
     """Drive backwards with the lock closed, then compare what is seen with what was seen before.
 
     Whatever error of camera, marker or map let a seated unit be seen off its seat is in both views alike, so
-    that only a unit that is not held is seen to move.
+    that only a unit that is not held is seen to move. For all that it knows, its switches have closed before
+    the lock had the pins in reach: in the next attempt it presses until it gets on no more.
     """
     check, tuning, memory, view = c.spec.verify, c.tuning, c.memory, c.view
     against = loosened(c)
     if against is not None or view is None:
+        c.distrusts = c.distrusts or against is not None
         seen = "the target is not seen" if against is None else against.reason
         return Transition.back_out(f"{seen} in a tug test", FailureReason.NOT_VERIFIED)
     if memory.looked_behind.update(has_looked_behind(c), c.now_ns) < 0.0:
@@ -116,6 +118,8 @@ def tug_test(c: DockingContext) -> Twist | Transition:
         reason = f"locked, but seen to move by {1e3 * moved:.1f} mm in a tug test"
         if moved < MOVED * check.tug_m:
             reason = f"locked, but seen{_in_too_few_frames(c)} after a tug"
+        else:
+            c.distrusts = True
         return Transition.back_out(reason, FailureReason.NOT_VERIFIED)
     return STILL
 

@@ -140,12 +140,17 @@ def test_a_careful_trial_is_replayed_bit_for_bit(plant: str, perception: str, tm
 
 @pytest.mark.parametrize(
     ("start", "seed"),
-    [pytest.param({}, 18, marks=pytest.mark.nightly), ({"units.a.pose.x_m": "-0.3"}, 17)],
+    [
+        pytest.param({}, 18, marks=pytest.mark.nightly),
+        ({"units.a.pose.x_m": "-0.3"}, 10),
+        pytest.param({"units.a.pose.x_m": "-0.3"}, 17, marks=pytest.mark.nightly),
+    ],
 )
 def test_a_unit_whose_seat_switches_close_too_early_knows_that_its_lock_holds_nothing(start, seed) -> None:
     """It stopped before its pins were in reach of the lock, and believed that it was docked.
 
-    From nearby it came in turned by 5 deg, so that one pin was 6 mm ahead of the other.
+    With seed 17 it came in turned by 5 deg, so that one pin was 6 mm ahead of the other; with seed 10 its
+    switches closed too early in each of three attempts.
     """
     scene = load_scene("close_range", {"as_built.body.switch_travel_m": "0.005", **start})
     (step,) = Trial(scene, seed).run().steps

@@ -902,16 +902,24 @@ def test_seat_switches_that_were_closed_away_from_the_port_are_not_believed(desk
 
 
 @pytest.mark.parametrize(
-    ("closed_at", "rests_at", "early"),
-    [(0.0025, 0.0, False), (0.0045, 0.001, True), (0.0045, 0.003, False)],
+    ("closed_at", "turned_deg", "rests_at", "early"),
+    [
+        (0.0025, 0.0, 0.0, False),
+        (0.0045, 0.0, 0.001, True),
+        (0.0045, 0.0, 0.003, False),
+        (0.0025, 3.0, 0.0, True),  # one of the pins, 40 mm aside, was at 4.6 mm, and the other one at 0.4
+        (0.0025, -3.0, 0.0, True),
+        (0.0025, 0.5, 0.0, False),
+    ],
 )
-def test_pins_that_went_on_by_more_than_the_switches_travel_may_be_out_of_reach_of_the_lock(
-    desk: Desk, closed_at: float, rests_at: float, early: bool
+def test_a_pin_that_went_on_by_more_than_its_switch_travels_may_be_out_of_reach_of_the_lock(
+    desk: Desk, closed_at: float, turned_deg: float, rests_at: float, early: bool
 ) -> None:
     """Switches that closed 5 mm too early let the lock close on nothing where sight did not show it."""
     desk.to_dock()
+    yaw = math.radians(turned_deg)
     for closed, gap in ((True, 0.006), (False, 0.006), (True, closed_at)):  # the first one is a bounce
-        assert desk.ask(desk.at(gap), closed=closed).phase is Phase.DOCK
+        assert desk.ask(desk.at(gap, yaw=yaw), closed=closed).phase is Phase.DOCK
     while desk.machine.phase is Phase.DOCK:
         desk.ask(desk.at(rests_at), closed=True)
     action = desk.ask(desk.at(rests_at), closed=True, lock=(LockPosition.CLOSED, desk.now_ns + DT_NS))
@@ -919,6 +927,23 @@ def test_pins_that_went_on_by_more_than_the_switches_travel_may_be_out_of_reach_
         action = desk.ask(desk.at(rests_at), closed=True)
     assert action.phase is (Phase.TUG_TEST if early else Phase.DONE)
     assert ("the seat switches tell nothing" in action.reason) is early
+
+
+@pytest.mark.parametrize(("gap", "closed"), [(0.011, True), (0.0, False)])
+def test_a_unit_that_was_not_held_presses_on_in_the_next_attempt(
+    desk: Desk, gap: float, closed: bool
+) -> None:
+    """Its switches had closed before its pins were in reach of the lock, and did so in each attempt."""
+    _to_tug(desk)
+    while desk.machine.phase is Phase.TUG_TEST:
+        desk.ask(desk.at(gap), covariance=COARSE, closed=closed)
+    desk.ask(desk.at(0.2), closed=False, lock=(LockPosition.OPEN, desk.now_ns + DT_NS))
+    while desk.machine.phase is not Phase.DOCK:
+        assert desk.machine.phase in (Phase.RETREAT, Phase.HAND_OVER)
+        desk.ask(desk.at(desk.spec.retreat_m), closed=False)
+    for _ in range(10):
+        action = desk.ask(desk.at(0.002), closed=True)
+        assert action.twist.v == desk.spec.press_mps * TUNING.slower_share
 
 
 def test_a_tug_is_measured_by_what_the_collision_monitor_passes(desk: Desk) -> None:
