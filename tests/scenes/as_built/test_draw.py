@@ -254,7 +254,8 @@ def test_no_plate_passes_through_another_tag() -> None:
 def test_a_plate_covers_a_tag_where_one_of_their_edges_passes_through_the_other() -> None:
     flat, sizes = SE3(np.eye(3), np.zeros(3)), np.array([0.04, 0.04])
     upright = SE3.from_xyz_rpy(np.zeros(3), [math.pi / 2.0, 0.0, 0.0])
-    for y, covered in ((0.0, True), (0.019, True), (0.021, False)):  # of a tag of 40 mm
+    # Of a tag of 40 mm; the back of the plate is 1.5 mm farther on the side of -y.
+    for y, covered in ((0.0, True), (0.019, True), (0.021, True), (0.022, False), (-0.021, False)):
         poses = [flat, SE3(upright.R, np.array([0.0, y, 0.0]))]
         assert covered_tags(poses, sizes, 1.25)[0, 1] == covered, y
     above = [flat, SE3(flat.R, np.array([0.0, 0.0, -0.001]))]
