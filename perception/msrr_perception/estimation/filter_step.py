@@ -55,12 +55,17 @@ class FilterStep:
 
     def _updated(self, before: FilterState, measurement: Measurement) -> FilterState:
         """Return the state after a measurement, which corrects it where it agrees."""
-        prior = self._motion.to_measurement(before, self._wheels, measurement.exposure.stamp_ns)
+        told = self._motion.to_measurement(before, self._wheels, measurement.exposure.stamp_ns)
+        # At a port wheels may spin. A unit that they were taken to move would also be exposed elsewhere, by
+        # the error of the clock, and be drawn out by the shutter: all of that would be learned. So one that
+        # stood stands until it is seen to move.
+        prior = self._motion.standing(before, told) if before.stood else told
         if any(first < prior.stamp_ns and before.stamp_ns < last for first, last in self.pushed_ns):
             prior = self._motion.pushed(prior, before.stamp_ns)
         rates = AT_REST
         if isinstance(measurement, Detections) or self._motion.learns_clock:
-            rates = self._motion.rates(prior, self._wheels)
+            if not before.stood:
+                rates = self._motion.rates(prior, self._wheels)
             prior = prior._replace(wheels_until_ns=self._motion.wheels_until(prior))
         undetermined = _is_undetermined(prior)
         after = agreeing = None if undetermined else self._update.correct(prior, measurement, rates)
@@ -68,10 +73,12 @@ class FilterStep:
         anew = undetermined or rejected >= self._reset_after
         if not anew and doubts_wheels(prior, measurement, rejected):
             after = self._update.correct(self._motion.doubting(prior), measurement, rates) or agreeing
+        prior = prior._replace(stood=False)  # who is not seen again may move
         if after is None:
             exposures = prior.exposures + ExposureCounts(rejected=1)
             cost = prior.cost + self._update.cost_outside(measurement)
             return prior._replace(rejected=rejected, exposures=exposures, cost=cost)
+        after = self._motion.with_exposure(before, told, after, rates)
         if agreeing is not None:
             return after._replace(exposures=prior.exposures + ExposureCounts(used=1))
         exposures = prior.exposures + ExposureCounts(without_wheels=1)

@@ -35,6 +35,10 @@ _STRAINED_M, _STRAINED_RAD = 2.0, 1.0
 #: of its own.
 _STEP_M = 0.025
 
+#: Way that the wheels tell of between two measurements from which on it can be seen whether a unit at a port
+#: moves or they spin [m], and the share of it by which one that moves is seen to move.
+_MOVED_M, _MOVED_SHARE = 0.0003, 0.5
+
 
 class DriveMotion:
     """Differential-drive motion of the state, exact for constant wheel speeds between two readings.
@@ -102,6 +106,33 @@ class DriveMotion:
         What they did until :meth:`wheels_until` may not be known yet, and is extrapolated then.
         """
         return self._rates(state, history, *self._exposed(state))
+
+    def standing(self, before: FilterState, told: FilterState) -> FilterState:
+        """Return the state ``told``, to which the wheels moved the state ``before``, of a unit that stands.
+
+        It is as uncertain as that of a unit at a port, whose wheels may spin.
+        """
+        mean = told.mean.copy()
+        mean[:2], mean[YAW] = before.exposed, before.mean[YAW]
+        return told._replace(mean=mean)
+
+    def with_exposure(
+        self, before: FilterState, told: FilterState, after: FilterState, rates: Rates
+    ) -> FilterState:
+        """Return the state after a measurement with where the unit was, and whether it stood at a port.
+
+        Args:
+            before: The state after the last measurement.
+            told: The state to which the wheels moved it, up to the time of this measurement.
+            after: The state after this measurement.
+            rates: How the unit moved about the exposure.
+        """
+        place = after.mean[:2] + rates.way[len(rates.way) // 2, :2]
+        by_wheels, seen = told.mean[:2] - before.mean[:2], place - before.exposed
+        way = float(by_wheels @ by_wheels)
+        moves = way > _MOVED_M**2 and float(by_wheels @ seen) > _MOVED_SHARE * way
+        at_port = -float(told.mean[0]) - self._drive.tips < self._drive.contact_zone
+        return after._replace(stood=at_port and not moves, exposed=(float(place[0]), float(place[1])))
 
     def velocity(self, state: FilterState, history: WheelHistory) -> Array:
         """Return the velocity of (x, y, yaw) in D at the time of a state by the wheels [m/s, rad/s], (3,)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -35,6 +36,8 @@ class FilterState(NamedTuple):
         cost: Minus twice the logarithm of the likelihood of its measurements; only the difference
             between alternatives has a meaning.
         alternatives: Other states that may be the right one instead; they have no alternatives themselves.
+        stood: Whether the unit stood at a port at the last measurement, whatever its wheels told.
+        exposed: Place (x, y) of the unit at the exposure of that, which was not at its stamp [m].
     """
 
     stamp_ns: int
@@ -49,6 +52,8 @@ class FilterState(NamedTuple):
     exposures: ExposureCounts = _NO_EXPOSURES
     cost: float = 0.0
     alternatives: tuple[FilterState, ...] = ()
+    stood: bool = False
+    exposed: tuple[float, float] = (math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -273,3 +273,28 @@ def test_parts_of_a_doubt_add_up_to_the_state_that_was_cut(sigma_s: float) -> No
     np.testing.assert_allclose(found.mean, prior.mean, atol=1e-12)
     np.testing.assert_allclose((found.covariance - P) / np.outer(sigmas, sigmas), 0.0, atol=0.09)
     assert max(math.sqrt(part.covariance[clock, clock]) for part in parts) <= 0.01
+
+
+def test_wheels_that_spin_at_a_port_tell_nothing_of_the_clock(scene: Scene) -> None:
+    """A unit that is locked pulls at its lock, so that its wheels turn backwards while it stands.
+
+    From one picture in which it had not set off, though its wheels had, the clock was known to 2.4 ms.
+    """
+    of = _doubtful(scene, 30.0)
+    target, rng = TargetModel.from_scene(of, of.docks[0]), np.random.default_rng(2)
+    ekf, X_DU, told = CornerEkf(target, of.odometry, corner_sigma_px=SIGMA_PX), SE2(-0.1, 0.0, 0.0), []
+    for ms in range(0, 2000, 10):
+        angle = -0.04 / target.wheel_radius * 1e-3 * min(max(ms - 400, 0), 1000)
+        ekf.add_odometry(WheelOdometry("a", ms * MS, angle, angle))
+        if ms % 40 == 0:
+            exposure = Exposure("a/onboard", ms // 40, ms * MS)
+            ekf.add_detections(
+                Detections(exposure, see(pose_vector(X_DU), target.port_tags, rng, SIGMA_PX), ())
+            )
+            clock = next(k for k in ekf.calibration_errors() if k.quantity.name == "onboard.clock_ms")
+            pose = not_none(ekf.predict(ms * MS))
+            told.append((clock.error, clock.sigma / clock.tolerance, abs(pose.X_DU.x - X_DU.x)))
+    errors, shares, off_m = np.transpose(told)
+    assert np.abs(errors).max() < 3.0
+    assert shares.min() > 0.95
+    assert off_m.max() < 0.0005
