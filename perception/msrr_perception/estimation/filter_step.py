@@ -78,7 +78,8 @@ class FilterStep:
             exposures = prior.exposures + ExposureCounts(rejected=1)
             cost = prior.cost + self._update.cost_outside(measurement)
             return prior._replace(rejected=rejected, exposures=exposures, cost=cost)
-        after = self._motion.with_exposure(before, told, after, rates)
+        if isinstance(measurement, Detections):  # a measured pose is off by more than a unit moves meanwhile
+            after = self._motion.with_exposure(before, told, after, rates)
         if agreeing is not None:
             return after._replace(exposures=prior.exposures + ExposureCounts(used=1))
         exposures = prior.exposures + ExposureCounts(without_wheels=1)
