@@ -61,14 +61,18 @@ def _take_in_sensors(c: DockingContext, view: PortView) -> None:
     switches, closed = c.observation.switches, c.observation.both_closed
     if closed and _tugs(c) and view.gap > with_doubt(_contact_gap(c), view.sigma_gap):
         c.distrusts = True
-    if switches is not None and switches.either and not c.was_in_holes:
-        c.reached_bottom(switches.left, switches.right)
-    sides = (False, False) if switches is None else (switches.left, switches.right)
-    left, right = (
-        (view.gap_at(aside) if before is None else before) if there else None
-        for there, before, aside in zip(sides, c.closed_gaps, c.setup.pins, strict=True)
-    )
-    c.closed_gaps = left, right
+    if switches is None or not switches.either:
+        c.closed_gaps = None, None
+    else:
+        if not c.was_in_holes:
+            c.reached_bottom(switches.left, switches.right)
+        left, right = (
+            (view.gap_at(aside) if before is None else before) if there else None
+            for there, before, aside in zip(
+                (switches.left, switches.right), c.closed_gaps, c.setup.pins, strict=True
+            )
+        )
+        c.closed_gaps = left, right
     if not _at_port(c, view):
         c.memory.sigma_lateral = min(c.memory.sigma_lateral or math.inf, view.sigma_lateral)
         c.memory.sigma_yaw = min(c.memory.sigma_yaw or math.inf, view.sigma_yaw)
