@@ -16,7 +16,13 @@ _SEGMENT_S = 0.1
 
 @kernel
 def coast(
-    state: Array, covariance: Array, dt: float, accelerating: float, turning: float, sideways: float
+    state: Array,
+    covariance: Array,
+    dt: float,
+    accelerating: float,
+    turning: float,
+    sideways: float,
+    askew: float,
 ) -> tuple[Array, Array]:
     """Return mean and covariance of a body after ``dt`` on an arc of constant twist.
 
@@ -32,10 +38,12 @@ def coast(
         accelerating: Variance that the forward speed gains in time [m^2/s^3].
         turning: Variance that the yaw rate gains in time [rad^2/s^3].
         sideways: Variance of the motion across the wheels by the way driven [m].
+        askew: Variance of the angle between where the body drives and where its tag points, which stays the
+            same all the way [rad^2].
     """
     mean, P = state.copy(), covariance.copy()
     F, G = np.eye(5), np.zeros((5, 2))
-    left = dt
+    way, left = 0.0, dt
     while left > 1e-9:
         t = min(left, _SEGMENT_S)
         left -= t
@@ -61,6 +69,7 @@ def coast(
         P[0, 1] += c * s * (along - aside)
         P[1, 0] += c * s * (along - aside)
         P[2, 2] += turning * t**3 / 12.0
+        way += chord
         mean[0] += chord * c
         mean[1] += chord * s
         mean[2] += turn
@@ -68,7 +77,7 @@ def coast(
     # both grow as the square of time, as from standstill, it is half the product of their ends.
     c, s = math.cos(mean[2]), math.sin(mean[2])
     along = c * c * P[0, 0] + 2.0 * c * s * P[0, 1] + s * s * P[1, 1]
-    aside = 0.25 * along * P[2, 2]
+    aside = 0.25 * along * P[2, 2] + askew * (way * way + along)
     P[0, 0] += s * s * aside
     P[1, 1] += c * c * aside
     P[0, 1] -= c * s * aside

@@ -62,6 +62,6 @@ def warm(announce: Callable[[str], None] = _log.info) -> None:
     rates_by_wheels(np.zeros((1, 3)), 0.0, 1.0, 0, np.ones(2), 1.0, 0.0)
     moved(AT_REST, 0.0, np.empty(3), np.empty(3))
     undistort(NO_LENS, pixels)
-    coast(np.zeros(5), np.eye(5), 0.1, 1.0, 1.0, 1.0)
+    coast(np.zeros(5), np.eye(5), 0.1, 1.0, 1.0, 1.0, 1.0)
     fuse(np.zeros(5), np.eye(5), np.zeros(3), frozen(np.eye(3)))
     refine_corners(np.zeros((16, 16), np.uint8), 4.0 + 2.0 * (pixels[None] - 2.0))

@@ -226,6 +226,8 @@ class BodyTrack:
             noise.lasts_s * (share * noise.limits.a_max_mps2) ** 2,
             noise.lasts_s * (share * noise.limits.dw_max_radps2) ** 2,
             noise.sideways**2,
+            # A tag that is turned on its roof does not point where the body drives.
+            0.0 if self.seen.errors is None else float(self.seen.errors.own[2, 2]),
         )
         P = self.covariance
         if self.motion is Motion.STANDS:  # what stayed the same while it stood is an error as it drives off

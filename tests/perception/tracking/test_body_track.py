@@ -157,6 +157,34 @@ def test_a_start_is_followed_from_the_first_frame_that_shows_it(v: float, w: flo
     np.testing.assert_allclose(track.state[3:], [v, w], atol=0.02)
 
 
+@pytest.mark.parametrize("turned_deg", [0.3, 1.2])
+def test_a_tag_that_is_turned_on_its_roof_makes_no_drive_seem_impossible(turned_deg: float) -> None:
+    """100 bodies with tags turned as far as their tolerance says: no measurement of their drives is rejected.
+
+    Such a tag does not point where its body drives: from frame to frame that goes 0.5 mm to the side of its
+    heading at 1.2 degrees. Errors are against where the tag points. The bodies are independent: if the summed
+    NEES were chi-square with 300 degrees of freedom, it would be above its bound once in 10,000 times.
+    """
+    turned, nees, n = math.radians(turned_deg), 0.0, 100
+    own = np.diag([0.0, 0.0, turned**2])
+    errors = PoseErrors(own, np.zeros((3, 3)), own)
+    for seed in range(n):
+        rng = np.random.default_rng(seed)
+        yaw, twist = turned * rng.normal(), Twist(0.25, rng.uniform(-0.3, 0.3))
+        X_WB, track = SE2(0.3, -0.4, rng.uniform(-math.pi, math.pi)), None
+        for frame in range(20):
+            noise = np.sqrt(np.diag(R)) * rng.normal(size=3)
+            now = replace(seen(frame * NS // 10, X_WB, noise + np.array([0.0, 0.0, yaw])), errors=errors)
+            track = track.after(now, NOISE) if track else BodyTrack.at_any_speed(now, LIMITS)
+            assert track.rejected == 0
+            X_WB = X_WB @ SE2.exp(0.1 * twist.v, 0.0, 0.1 * twist.w)
+        assert track is not None
+        pose = track.pose(2 * NS, NOISE)
+        e = pose_error(pose.X_WB, X_WB) - np.array([0.0, 0.0, yaw])
+        nees += float(e @ np.linalg.solve(pose.covariance - own, e))
+    assert nees < chi2.ppf(1 - 1e-4, 3 * n)
+
+
 @pytest.mark.parametrize(("v", "w"), [(0.3, 0.4), (0.0, 1.2)])
 def test_a_stop_is_noticed_and_the_body_is_known_to_hundredths_of_a_millimetre_again(
     v: float, w: float
