@@ -239,6 +239,9 @@ class BodyTrack:
             P[4, 4] += mean[4] ** 2
             mean[3:] = 0.0
             mean, P = coast(mean, P, unseen, *drive)
+        if self.seen.errors is not None:  # a tag that is held beside its place goes round as the body turns
+            turned = (mean[2] - self.state[2]) ** 2 + max(P[2, 2] - self.covariance[2, 2], 0.0)
+            P[:2, :2] += turned * _quarter_turned(self.seen.errors.held)
         return mean, P
 
 
@@ -247,6 +250,12 @@ def _drift(dt: float, noise: TrackNoise) -> tuple[float, float]:
     unseen = max(dt - noise.unseen_after_s, 0.0)
     way = noise.drift**2 * dt + noise.unseen_drift**2 * unseen
     return way, noise.turn_drift**2 * dt + noise.unseen_turn_drift**2 * unseen
+
+
+def _quarter_turned(covariance: Array) -> Array:
+    """Return the covariance, shape (2, 2), of a place that is turned by 90 degrees, of that of a pose."""
+    (xx, xy, _), (_, yy, _), _ = covariance.tolist()
+    return np.array([[yy, -xy], [-xy, xx]])
 
 
 def _state(seen: SeenPose) -> Array:

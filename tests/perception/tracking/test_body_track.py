@@ -185,6 +185,32 @@ def test_a_tag_that_is_turned_on_its_roof_makes_no_drive_seem_impossible(turned_
     assert nees < chi2.ppf(1 - 1e-4, 3 * n)
 
 
+def test_a_tag_that_is_held_beside_its_place_goes_round_as_its_body_turns_on_the_spot() -> None:
+    """100 bodies with tags up to 0.3 mm (1 sigma) beside their places turn by 0.1 rad from frame to frame.
+
+    Errors are against where the tag says the body is. The bodies are independent: if the summed NEES were
+    chi-square with 300 degrees of freedom, it would be above its bound once in 10,000 times.
+    """
+    beside, nees, n = 3e-4, 0.0, 100
+    own = np.diag([beside**2, beside**2, 0.0])
+    errors = PoseErrors(own, np.zeros((3, 3)), own)
+    for seed in range(n):
+        rng = np.random.default_rng(seed)
+        X_BX = SE2(*(beside * rng.normal(size=2)).tolist(), 0.0)
+        X_WB, track = SE2(0.3, -0.4, rng.uniform(-math.pi, math.pi)), None
+        for frame in range(20):
+            noise = np.sqrt(np.diag(R)) * rng.normal(size=3)
+            now = replace(seen(frame * NS // 10, X_WB @ X_BX, noise), errors=errors)
+            track = track.after(now, NOISE) if track else BodyTrack.at_any_speed(now, LIMITS)
+            assert track.rejected == 0
+            X_WB = X_WB @ SE2(0.0, 0.0, 0.1)
+        assert track is not None
+        pose = track.pose(2 * NS, NOISE)
+        e = pose_error(pose.X_WB, X_WB @ X_BX)
+        nees += float(e @ np.linalg.solve(pose.covariance - own, e))
+    assert nees < chi2.ppf(1 - 1e-4, 3 * n)
+
+
 @pytest.mark.parametrize(("v", "w"), [(0.3, 0.4), (0.0, 1.2)])
 def test_a_stop_is_noticed_and_the_body_is_known_to_hundredths_of_a_millimetre_again(
     v: float, w: float
