@@ -49,7 +49,7 @@ class UnitRecord:
         patient_ns: The same, moved on by all time for which the unit had to wait or was not heard.
         still_ns: Time from which on it stands still for others, with a pose that they were not told of.
         holder: Unit and port that it is locked to; None if it is free.
-        enters: Unit and port at which its route ends; None in the open.
+        enters: Unit and port at which its route ends; None in the open, and once it can no longer get there.
         seat: Pose in that port by the newest estimate of where it is; None if that is elsewhere.
         unlocks: Whether its route begins in a port.
         blocked_by: Unit for which it waits.
@@ -237,7 +237,8 @@ class UnitRecord:
     def docks(self) -> tuple[tuple[str, str], ...]:
         """Unit and port that the unit is locked to, and those at which its route ends.
 
-        One that is not heard may have gone on into a port that it had been allowed into.
+        One that is not heard may have gone on into a port that it had been allowed into, until it is seen to
+        have stopped short of it.
         """
         unheard = self.state is UnitState.LOST and not self.says_lost
         goes_on = self.under_way or (unheard and self._may_enter)

@@ -40,6 +40,9 @@ class UnitStates:
                 _fail(unit, report.reason or "reports a failure", tasks, now_ns)
             elif unit.state is UnitState.LOST and self._watch.is_found(unit):
                 _find(unit, tasks, now_ns)
+            elif unit.state is UnitState.LOST and self._watch.stopped_short(unit):
+                unit.enters = None  # its port is free for others
+                tasks.take_up_again()
             elif not unit.under_way:
                 continue
             elif unit.says_lost:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 from msrr_control.coordination.goal_tolerance import DEFAULT_TOLERANCE, GoalTolerance
@@ -9,6 +10,10 @@ from msrr_control.coordination.ledger import SAME_M, UnitRecord
 from msrr_control.coordination.mission import Patience
 from msrr_scenes.messages import NS_PER_S, seconds
 from msrr_scenes.messages.coordination import UnitMode, UnitState
+
+#: Distance beyond the dock leg, and beyond where a failed attempt leads, from which on a unit is in neither
+#: [m]. It is more than the errors of where units are seen, begin that leg and stop.
+_SHORT_M = 0.15
 
 
 class Watch:
@@ -68,6 +73,21 @@ class Watch:
         stands = report.mode not in (UnitMode.DRIVING, UnitMode.DOCKING)
         seen = unit.seen_ns > unit.still_ns or unit.holder is not None
         return stands and seen and report.stamp_ns > unit.still_ns + expires_ns
+
+    def stopped_short(self, unit: UnitRecord) -> bool:
+        """Return whether a unit that was lost unheard is known to have stopped before its dock leg.
+
+        It is if it was seen far from its port after its last authority had expired: it begins the dock leg
+        only by one that has not. One that has begun that leg goes on by itself, also after it has backed off.
+        """
+        track = unit.track
+        if track is None or unit.enters is None or unit.holder is not None or unit.says_lost:
+            return False
+        if unit.seen_ns <= unit.still_ns + round(self._patience.expires_s * NS_PER_S):
+            return False
+        reach = max(track.length - track.dock_start, unit.retreat_m) + _SHORT_M
+        away = math.hypot(unit.pose.x - track.end.x, unit.pose.y - track.end.y)
+        return unit.progress < track.dock_start - SAME_M and away > reach
 
     def stagnation(self, unit: UnitRecord, now_ns: int) -> str | None:
         """Return for how long a unit under way made no progress, None if that is not too long."""

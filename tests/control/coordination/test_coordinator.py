@@ -479,6 +479,23 @@ def test_what_a_silent_unit_may_have_docked_to_stays_where_it_is(rig: type[Rig],
     assert "u2: not heard for 150 s" in status.reason
 
 
+@pytest.mark.parametrize("until_s", [80.0, 1000.0])
+def test_the_port_of_a_silent_unit_that_has_stopped_in_the_open_is_free(
+    until_s: float, rig: type[Rig], starts: Starts
+) -> None:
+    """It was allowed into the port, is seen far before it, and gets another place when it is heard again."""
+    spec = {"silences": [{"from_s": 6.0, "until_s": until_s, "units": ["u2"]}]}
+    run = rig(Mission(shape=build_pattern("line", 3)), starts(30, 3), radio=RadioSpec.model_validate(spec))
+    status = run.run()
+    if until_s < 100.0:
+        assert status.state is MissionState.COMPLETE, status.reason
+        assert run.joints == {"u1": "u0.rear", "u2": "u1.rear"}
+        return
+    assert run.joints == {"u1": "u0.rear"}
+    assert status.state is MissionState.INCOMPLETE
+    assert status.reason.startswith("p2: no unit is left; out of action: u2")
+
+
 def test_a_step_waits_for_the_unit_that_it_names(rig: type[Rig]) -> None:
     """Also where nobody docks to a unit that is lost, nor is let onto the ground where it stands."""
     starts = {"a": SE2(-1.4, 0.0, 0.0), "b": SE2(-0.2, 0.6, 0.0)}

@@ -117,6 +117,24 @@ def test_what_happens_to_a_lost_unit_is_nothing_to_the_one_that_has_its_task_by_
         assert (unit.state, tasks.state("t")) == (state, TaskState.GRANTED)
 
 
+def test_a_lost_unit_keeps_its_port_until_it_is_seen_to_have_stopped_short_of_it() -> None:
+    """What was given up because that port was taken is open again."""
+    builder = TrackBuilder(SE2(), 0.1)
+    builder.ahead(1.0)
+    builder.dock(builder.pose @ SE2(0.7, 0.0, 0.0), 0.7)
+    unit, tasks = _unit(UnitMode.DRIVING), _tasks(TaskKind.DOCK)
+    unit.track, unit.limit, unit.enters = builder.track(), builder.track().length, ("b", "rear")
+    lost_s = NOW_S + PATIENCE.unheard_s + 1.0
+    assert _update(unit, tasks, lost_s) == Changes(True, 0)
+    tasks.give_up("t", "its port is taken", hopeless=True)
+    assert _update(unit, tasks, lost_s + 9.0) == Changes(False, 0)
+    assert (unit.state, unit.docks) == (UnitState.LOST, (("b", "rear"),))
+    unit.seen_ns = round((lost_s + 9.0) * S)
+    assert _update(unit, tasks, lost_s + 9.0) == Changes(True, 0)
+    assert (unit.state, unit.docks, tasks.state("t")) == (UnitState.LOST, (), TaskState.OPEN)
+    assert _update(unit, tasks, lost_s + 9.0) == Changes(False, 0)
+
+
 def test_a_unit_that_is_heard_and_makes_no_progress_fails() -> None:
     unit, tasks, late_s = _unit(UnitMode.DRIVING), _tasks(), NOW_S + PATIENCE.lost_s
     unit.heard_ns = round(late_s * S)

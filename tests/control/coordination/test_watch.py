@@ -207,6 +207,34 @@ def test_a_unit_is_lost_that_is_not_heard_for_as_long_as_it_may_take(progress: f
     assert Watch(PATIENCE).silence(unit, round((2.0 + most_s + 0.1) * S)) == f"not heard for {most_s:.0f} s"
 
 
+@pytest.mark.parametrize(
+    ("seen_s", "progress", "back_m", "retreat_m", "short"),
+    [
+        (EXPIRED_S + 0.1, 0.6, 0.3, 0.45, True),
+        (EXPIRED_S - 0.1, 0.6, 0.3, 0.45, False),  # it may drive on by its last authority
+        (EXPIRED_S + 0.1, 0.6, 0.1, 0.45, False),  # it may wait for a sight of the port
+        (EXPIRED_S + 0.1, 0.6, -0.5, 0.45, False),  # it was not seen on its way there
+        (EXPIRED_S + 0.1, TRACK.dock_start, 0.3, 0.45, False),  # it said or was seen to be there before
+        (EXPIRED_S + 0.1, 0.6, 0.3, 0.95, False),  # an attempt may have failed, and another one begin
+    ],
+)
+def test_a_lost_unit_has_stopped_short_of_its_port_if_it_is_seen_farther_away_than_attempts_lead(
+    seen_s: float, progress: float, back_m: float, retreat_m: float, short: bool
+) -> None:
+    """It is seen ``back_m`` before its dock leg."""
+    unit = _under_way(progress, END)
+    unit.state, unit.enters, unit.retreat_m = UnitState.LOST, ("b", "rear"), retreat_m
+    unit.X_WU = TRACK.at(TRACK.dock_start) @ SE2(-back_m, 0.0, 0.0)
+    unit.still_ns, unit.seen_ns = round(LOST_S * S), round(seen_s * S)
+    assert Watch(PATIENCE).stopped_short(unit) is short
+    unit.holder = ("c", "rear")
+    assert not Watch(PATIENCE).stopped_short(unit), "it has not left its port"
+    unit.holder, unit.report = None, UnitReport("a", 1, 1, 1, progress, UnitMode.LOST, None)
+    assert not Watch(PATIENCE).stopped_short(unit), "it stays where it is, and keeps no port"
+    unit.enters, unit.report = None, None
+    assert not Watch(PATIENCE).stopped_short(unit)
+
+
 def test_a_unit_has_arrived_in_a_port_once_it_is_locked_to_that_port() -> None:
     for mode, holder, arrived in (
         (UnitMode.DOCKED, ("b", "rear"), True),
