@@ -41,6 +41,16 @@ class Drive(NamedTuple):
 
 
 @inlined
+def is_at_port(x: float, y: float, tips: float, contact_zone: float) -> bool:
+    """Return whether a unit at (x, y) in D is in the contact zone of the port.
+
+    One that is farther to the side than its pins reach ahead, ``tips``, does not stand before the port: of
+    the two poses that a single tag shows, the wrong one may be near to the plane of the face and far aside.
+    """
+    return -x - tips < contact_zone and abs(y) < tips
+
+
+@inlined
 def add_slip(
     P: Array,
     drive: np.void,
@@ -52,6 +62,7 @@ def add_slip(
     s: float,
     dt: float,
     x: float,
+    y: float,
 ) -> None:
     """Add the motion that the encoders do not measure to the covariance of (x, y, yaw).
 
@@ -66,10 +77,12 @@ def add_slip(
         s: Sine of the heading.
         dt: Duration [s].
         x: Position x of U in D before the step [m].
+        y: Position y of U in D before the step [m].
     """
     way, rest = 0.5 * (left + right), drive["drift"] * dt
     per_wheel, forward, side = drive["wheel_variance"], rest, drive["sideways"] * way + rest
-    if -x - drive["tips"] < drive["contact_zone"]:  # the wheels may spin, and the holes guide the pins
+    # At the port the wheels may spin, and the holes guide the pins.
+    if is_at_port(x, y, drive["tips"], drive["contact_zone"]):
         per_wheel += drive["contact"]
         side += drive["guidance"] * way
     v_left = (per_wheel + drive["play"] * loose_left) * left
@@ -114,7 +127,7 @@ def propagate(mean: Array, P: Array, steps: Array, packed: NDArray[np.void]) -> 
     F = np.zeros((3, 8))  # first three rows of the transition matrix; the others are diagonal
     for k in range(steps.shape[0]):
         d_left, d_right, dt = drive["radius"] * steps[k, 0], drive["radius"] * steps[k, 1], steps[k, 2]
-        x, yaw = mean[0], mean[2]
+        x, y, yaw = mean[0], mean[1], mean[2]
         way_left, way_right = d_left * (1.0 + mean[5]), d_right * (1.0 + mean[6])
         track = drive["track"] * (1.0 + mean[7])
         turn, forward = (way_right - way_left) / track, 0.5 * (way_right + way_left)
@@ -150,7 +163,7 @@ def propagate(mean: Array, P: Array, steps: Array, packed: NDArray[np.void]) -> 
                 P[i, j] += F[j, 5] * P[i, 5] + F[j, 6] * P[i, 6] + F[j, 7] * P[i, 7]
             P[i, 3] *= keep
             P[i, 4] *= keep
-        add_slip(P, drive, abs(d_left), abs(d_right), steps[k, 3], steps[k, 4], c, s, dt, x)
+        add_slip(P, drive, abs(d_left), abs(d_right), steps[k, 3], steps[k, 4], c, s, dt, x, y)
         if strained > 0.0:
             strain(P, 0.5 * strained)
             aside = drive["strained_aside"] * abs(forward)
@@ -160,7 +173,7 @@ def propagate(mean: Array, P: Array, steps: Array, packed: NDArray[np.void]) -> 
             P[1, 1] += c * c * aside
         P[3, 3] += (1.0 - keep * keep) * drive["tilt"]
         P[4, 4] += (1.0 - keep * keep) * drive["tilt"]
-        mean[0], mean[1] = x + chord * c, mean[1] + chord * s
+        mean[0], mean[1] = x + chord * c, y + chord * s
         turned = yaw + turn
         mean[2] = turned - 2.0 * math.pi * np.rint(turned / (2.0 * math.pi))
         mean[3] *= keep

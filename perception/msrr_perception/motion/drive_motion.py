@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from msrr_perception.kernels.dock_frame import predict
-from msrr_perception.kernels.drive import Drive, propagate
+from msrr_perception.kernels.drive import Drive, is_at_port, propagate
 from msrr_perception.kernels.rates import ABOUT_S, AT_REST, Rates, rates_by_wheels
 from msrr_perception.motion.filter_state import CalibrationEstimate, FilterState
 from msrr_perception.motion.motion_noise import MotionNoise
@@ -131,7 +131,8 @@ class DriveMotion:
         by_wheels, seen = told.mean[:2] - before.mean[:2], place - before.exposed
         way = float(by_wheels @ by_wheels)
         moves = way > _MOVED_M**2 and float(by_wheels @ seen) > _MOVED_SHARE * way
-        at_port = -float(told.mean[0]) - self._drive.tips < self._drive.contact_zone
+        x, y = float(told.mean[0]), float(told.mean[1])
+        at_port = is_at_port(x, y, self._drive.tips, self._drive.contact_zone)
         return after._replace(stood=at_port and not moves, exposed=(float(place[0]), float(place[1])))
 
     def velocity(self, state: FilterState, history: WheelHistory) -> Array:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
+from msrr_perception.kernels.drive import is_at_port
 from msrr_perception.motion.motion_noise import DEFAULT_NOISE
 from msrr_perception.pose.corner_fit import deviation
 from msrr_perception.pose.target import TargetModel
@@ -40,7 +41,7 @@ class OverheadCorrection:
     def __init__(self, target: TargetModel) -> None:
         """Begin without a correction, before the port of a target with its mechanism."""
         pins = target.mechanism.pin_length if target.mechanism is not None else 0.0
-        self._free_m = target.front + pins + DEFAULT_NOISE.contact_zone
+        self._tips = target.front + pins
         self.reset()
 
     def reset(self) -> None:
@@ -77,7 +78,8 @@ class OverheadCorrection:
         return replace(by_sight, X_DU=X_DU, covariance=P)
 
     def _is_at_port(self, by_sight: PoseEstimate) -> bool:
-        return -by_sight.X_DU.x < self._free_m
+        X_DU = by_sight.X_DU
+        return is_at_port(X_DU.x, X_DU.y, self._tips, DEFAULT_NOISE.contact_zone)
 
 
 class _Correction(NamedTuple):

@@ -78,6 +78,8 @@ def test_the_last_correction_holds_on_in_the_port(correction: OverheadCorrection
     held = correction.apply(at_port)
     np.testing.assert_allclose(pose_error(held.X_DU, at_port.X_DU), shift, atol=1e-15)
     assert held.covariance is at_port.covariance
+    beside = replace(at_port, X_DU=SE2(-0.12, -0.8, math.radians(80.0)))
+    assert correction.is_due(replace(beside, stamp_ns=sight.stamp_ns + 10**10))
 
 
 def test_where_both_contradict_each_other_sight_alone_counts(correction: OverheadCorrection) -> None:
