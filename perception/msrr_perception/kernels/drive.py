@@ -40,7 +40,6 @@ class Drive(NamedTuple):
         return np.array([tuple(self)], dtype=[(field, np.float64) for field in self._fields])
 
 
-@inlined
 def is_at_port(x: float, y: float, tips: float, contact_zone: float) -> bool:
     """Return whether a unit at (x, y) in D is in the contact zone of the port.
 
@@ -48,6 +47,10 @@ def is_at_port(x: float, y: float, tips: float, contact_zone: float) -> bool:
     the two poses that a single tag shows, the wrong one may be near to the plane of the face and far aside.
     """
     return -x - tips < contact_zone and abs(y) < tips
+
+
+#: The same for kernels. From Python each process would compile it for itself.
+_is_at_port = inlined(is_at_port)
 
 
 @inlined
@@ -82,7 +85,7 @@ def add_slip(
     way, rest = 0.5 * (left + right), drive["drift"] * dt
     per_wheel, forward, side = drive["wheel_variance"], rest, drive["sideways"] * way + rest
     # At the port the wheels may spin, and the holes guide the pins.
-    if is_at_port(x, y, drive["tips"], drive["contact_zone"]):
+    if _is_at_port(x, y, drive["tips"], drive["contact_zone"]):
         per_wheel += drive["contact"]
         side += drive["guidance"] * way
     v_left = (per_wheel + drive["play"] * loose_left) * left
