@@ -11,7 +11,7 @@ JOBS ?= 2
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: venv demo test nightly lowest check docs format bench clean
+.PHONY: venv demo test nightly lowest check docs format kernels bench clean
 
 venv: $(DEV)
 
@@ -67,6 +67,11 @@ docs: $(SITE)
 format: $(DEV)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+# The machine code of the kernels, for lenses that distort and for ideal ones, which is compiled once for a version.
+kernels: $(STAMP)
+	$(BIN)/python -c "from msrr_bullet import load_scene; from msrr_bullet.sensors.preparation import prepare_cameras; \
+		[prepare_cameras(load_scene('close_range', {'as_built': grade}), print) for grade in ('careful', 'perfect')]"
 
 bench: $(STAMP)
 	$(BIN)/msrr bench close_range --grade perfect --grade careful --against docs/results/speed/close_range.json

@@ -6,6 +6,7 @@ import pytest
 from msrr_perception.detection.detector import PupilDetector
 from msrr_perception.detection.onboard_vision import OnboardVision
 from msrr_perception.pose.target import TargetModel
+from msrr_scenes.arrays import frozen
 from msrr_scenes.geometry.pinhole import Window
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import Detections, Exposure, Fetch, Pixels, PoseEstimate, TagDetection
@@ -25,7 +26,7 @@ def vision(target: TargetModel) -> OnboardVision:
 
 
 def _prediction(X: SE2, sigma: float = 0.002) -> PoseEstimate:
-    return PoseEstimate(0, X, sigma**2 * np.eye(3), 0)
+    return PoseEstimate(0, X, frozen(sigma**2 * np.eye(3)), 0)
 
 
 def _exposure(frame: int) -> Exposure:

@@ -18,6 +18,7 @@ from scipy.stats import chi2
 from msrr_perception.pose.overhead_errors import PoseErrors
 from msrr_perception.tracking.body_track import BodyTrack, Motion, TrackNoise
 from msrr_perception.tracking.seen_pose import SeenPose
+from msrr_scenes.arrays import frozen
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose, Twist
 from msrr_scenes.specs.vehicle import LimitsSpec
@@ -38,7 +39,9 @@ STILL = replace(NOISE, drift=0.0, turn_drift=0.0, unseen_drift=0.0, unseen_turn_
 
 def seen(stamp_ns: int, X_WB: SE2, error: np.ndarray | None = None, covariance: np.ndarray = R) -> SeenPose:
     x, y, yaw = X_WB.as_array() + (np.zeros(3) if error is None else error)
-    return SeenPose(GlobalPose("c", stamp_ns, SE2(x, y, yaw), covariance), np.diag(LASTING**2))
+    # As in every message: for an array that can be written, kernels would be compiled once more.
+    pose = GlobalPose("c", stamp_ns, SE2(x, y, yaw), frozen(covariance))
+    return SeenPose(pose, np.diag(LASTING**2))
 
 
 @dataclass
