@@ -35,11 +35,11 @@ simulated second of one trial, log and viewer off, each in a process of its own:
 after a first one. *Physics alone* is the same world with the same commands, and nothing that senses or
 decides: the ratio to it says more about another machine than milliseconds do. *Calls of functions* counts
 those from Python, of which every run with the same versions has nearly as many, however busy the machine is.
-Tables are of different days, on which other programs left this machine more or less of its speed: compare
-milliseconds within a table, ratios and calls between tables as well. `make bench` measures the first table
-and four units of the last one again, and fails if a trial costs much more over the physics within it than
-here, or calls a twentieth more functions. This page is made of the files that the commands below write, by
-`python docs/make_speed.py`.
+The tables are of one day, on which nothing else ran on this machine; where other programs share it,
+milliseconds have been four times as many, and *over physics within it* up to a seventh more. `make bench`
+measures the first table and four units of the last one again, and fails if a trial costs much more over the
+physics within it than here, or calls a twentieth more functions. This page is made of the files that the
+commands below write, by `python docs/make_speed.py`.
 
 The overhead camera has 1280 x 960 pixels at 10 Hz, the camera of a docking unit 640 x 480 at 25 Hz. Units
 of the [grade](../explanation/as_built.md) *careful* have lenses that distort and cameras that expose for 10
