@@ -15,8 +15,9 @@ class WheelSpeed:
         self._last: WheelOdometry | None = None
 
     def add(self, reading: WheelOdometry) -> None:
-        """Take in a reading."""
-        self._before, self._last = self._last, reading
+        """Take in a reading; one that a driver delivers twice has no effect."""
+        if self._last is None or reading.stamp_ns != self._last.stamp_ns:
+            self._before, self._last = self._last, reading
 
     @property
     def twist(self) -> Twist:

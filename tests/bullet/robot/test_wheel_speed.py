@@ -23,3 +23,10 @@ def test_the_velocity_is_that_between_the_last_two_readings(twist: Twist) -> Non
         right += share * (twist.v + 0.5 * TRACK * twist.w) / RADIUS * 1e-9 * PERIOD_NS
         speed.add(WheelOdometry("a", k * PERIOD_NS, left, right))
     assert (speed.twist.v, speed.twist.w) == pytest.approx((twist.v, twist.w))
+
+
+def test_a_reading_that_comes_twice_has_no_effect() -> None:
+    speed = WheelSpeed(RADIUS, TRACK)
+    for k in (0, 1, 1):
+        speed.add(WheelOdometry("a", k * PERIOD_NS, 0.01 * k, 0.01 * k))
+    assert speed.twist == Twist(pytest.approx(RADIUS), 0.0)
