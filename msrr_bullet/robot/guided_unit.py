@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from msrr_bullet.profiler import Profiler
@@ -225,7 +226,10 @@ class GuidedUnit:
             self._program = self._docking = self.dock_step = None
 
     def _note_progress(self) -> None:
-        """Note how much of the route is covered, in the dock leg and backwards by the gap to the port."""
+        """Note how much of the route is covered.
+
+        In the dock leg that is told by the distance from the port, backwards by the gap.
+        """
         authority, program = self._authority, self._program
         assert authority is not None
         assert program is not None
@@ -243,7 +247,7 @@ class GuidedUnit:
             if program.phase is Phase.DONE:
                 covered = length
             elif X is not None:  # without a sight of the port the unit has covered no part of its dock leg
-                covered = length + min(X.X_DU.x + self._offset, 0.0)
+                covered = length - math.hypot(min(X.X_DU.x + self._offset, 0.0), X.X_DU.y)
         self._covered = max(self._covered, covered)
 
     def _program_at(self, port: str, docked: bool = False) -> Autonomy:

@@ -146,6 +146,7 @@ class Rig:
         X_DU: True pose of b in the dock frame of a.rear.
         seized: Whether the wheels do not follow their commands.
         unseen: Whether the base station does not see b.
+        blind: Whether the camera of b sees nothing.
         jammed: Whether the lock stays closed.
         reports: What b has told after each instant.
     """
@@ -158,7 +159,7 @@ class Rig:
         self._radius = geometry.wheel_radius
         self._X_WD = self.scene.geometry("a").dock_frame("rear")
         self.X_DU = SE2(-gap - self._offset, 0.0, 0.0)
-        self.seized = self.unseen = self.jammed = False
+        self.seized = self.unseen = self.blind = self.jammed = False
         self._rng = np.random.default_rng(5)
         self.now_ns, self._seq, self._angles = 0, 0, np.zeros(2)
         self.action = Action(0, Phase.DONE, 1, lock=docked_to is not None)
@@ -205,7 +206,7 @@ class Rig:
             poses = {"a": SE2(), "b": self._X_WD @ self.X_DU}
             given = (SeenPose(GlobalPose(n, now, X, TIGHT), np.zeros((3, 3))) for n, X in poses.items())
             self.unit.see(SeenPoses(now, tuple(given)))
-        if k % 2 == 0 and self.unit.uses_camera("b/onboard"):
+        if k % 2 == 0 and not self.blind and self.unit.uses_camera("b/onboard"):
             exposure = Exposure("b/onboard", k, now)
             seen = SE2(*(self.X_DU.as_array() + self._rng.normal(0.0, NOISE)))
             self.unit.receive(PoseMeasurement(exposure, seen, np.diag(NOISE**2), (None, None)))
@@ -412,3 +413,26 @@ def test_a_unit_that_nobody_sees_is_lost_until_it_is_seen_on_another_route() -> 
     rig.run()
     assert (rig.report.mode, rig.report.progress) == (UnitMode.STANDING, 0.2)
     assert math.isclose(rig.gap, 0.6, abs_tol=0.02)
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_in_a_dock_leg_a_unit_has_come_as_far_as_it_is_near_to_the_port(beside: bool) -> None:
+    """The first sight has the wrong one of the two poses of one tag: far aside, in the plane of the face."""
+    rig = Rig(0.7)
+    rig.grant(1, rig.leg(LegKind.DOCK, 0.0, 0.7), to="a.rear")
+    rig.blind = True
+    while not rig.unit.uses_camera("b/onboard"):
+        rig.step()
+    if beside:
+        wrong, P = SE2(-0.11, 0.85, -1.2), np.diag([0.5, 0.5, 0.7]) ** 2
+        exposure = Exposure("b/onboard", 0, rig.now_ns + PERIOD_NS)
+        rig.unit.receive(PoseMeasurement(exposure, wrong, P, (None, None)))
+        rig.step()
+        pose = rig.unit.estimates.pose
+        assert pose is not None
+        assert pose.X_DU.x > -0.2
+        assert rig.report.progress < 0.05
+    rig.blind = False
+    rig.run()
+    assert _never_falls(rig.reports)
+    assert (rig.report.progress, rig.report.docked_to) == (0.7, "a.rear")
