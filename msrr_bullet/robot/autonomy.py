@@ -36,6 +36,7 @@ from msrr_scenes.messages import (
     Action,
     ArenaEstimate,
     CollisionMonitorState,
+    Conviction,
     Detections,
     Exposure,
     Fetch,
@@ -67,8 +68,8 @@ _OVERHEAD_PHASES = (*_FAR_PHASES, *_BACKWARDS_PHASES)
 #: Phases in which the overhead camera only checks the surroundings, now and then.
 _CHECKED_PHASES = (Phase.CALIBRATE, Phase.DOCK)
 
-#: Phases after which a unit that is done has docked, not undocked.
-_DOCKED_AFTER = (Phase.VERIFY, Phase.TUG_TEST)
+#: Phases in which the overhead camera corrects the pose by the onboard camera.
+_CORRECTED_PHASES = (Phase.DOCK, Phase.RETREAT)
 
 
 class Autonomy:
@@ -115,8 +116,7 @@ class Autonomy:
             delay_compensation=scene.control.delay_compensation,
         )
         self._memory, self._port = memory, step.to
-        if memory is not None and isinstance(self._estimator, CornerEkf):
-            self._estimator.recall(memory.recall(step.to, self._estimator.prior))
+        self._recall_seats()
         frames_only = scene.cameras.onboard.readout == "frames"  # then windows save nothing
         self._vision = OnboardVision(target, detector, full_every=1 if frames_only else FULL_FRAME_PERIOD)
         self._los_estimator = LosEstimator(target)
@@ -171,7 +171,8 @@ class Autonomy:
             MsrrError: The unit has not docked, or it has undocked already.
         """
         self._phases.undock(retreat_m)
-        for part in (self._estimator, self._los_estimator, self._vision):
+        self._recall_seats()
+        for part in (self._estimator, self._los_estimator, self._vision, self._correction):
             part.reset()  # much time may have passed since the unit docked
 
     def uses_camera(self, camera: str) -> bool:
@@ -195,18 +196,20 @@ class Autonomy:
 
     def receive(self, message: SensorMessage) -> None:
         """Process a message that arrives now."""
+        # In the long-distance phase a frame of the onboard camera may still come that was exposed before it.
+        sees_port = self._phases.phase is not Phase.ASSEMBLE
         match message:
             case WheelOdometry():
                 self._estimator.add_odometry(message)
                 self._speed.add(message)
                 if self._drive_watch is not None:
                     self._drive_watch.read(message)
-            case Detections() if message.exposure.camera == self._onboard:
+            case Detections() if sees_port and message.exposure.camera == self._onboard:
                 self._estimator.add_detections(message)
                 self._los_estimator.add_detections(message)
                 if any(tag.tag_id in self._target_tags for tag in message.tags):
                     self._tags_read_ns = message.exposure.stamp_ns
-            case PoseMeasurement():
+            case PoseMeasurement() if sees_port:
                 self._estimator.add_pose(message)
                 self._los_estimator.add_pose(message)
             case SeatSwitches():
@@ -247,7 +250,7 @@ class Autonomy:
                 tags_read_ns=self._tags_read_ns,
             )
         )
-        if action.phase is Phase.DONE and before in _DOCKED_AFTER:
+        if action.phase is Phase.DONE and before is not Phase.DONE:
             self._learn_seat()
         if action.phase is Phase.ASSEMBLE and before is not Phase.ASSEMBLE:
             # Estimates by the onboard camera from another place are of no use for the next docking phase.
@@ -271,15 +274,21 @@ class Autonomy:
 
     def _corrected(self, by_sight: PoseEstimate, overhead: OverheadLocalizer) -> PoseEstimate:
         """Return the pose by the onboard camera, corrected by what the overhead camera shows on the way."""
-        if self._corrects and self._phases.phase is Phase.DOCK and self._correction.is_due(by_sight):
+        if self._corrects and self._phases.phase in _CORRECTED_PHASES and self._correction.is_due(by_sight):
             from_above = overhead.in_dock_frame(by_sight.stamp_ns)
             if from_above is not None:
                 self._correction.update(by_sight, from_above)
         return self._correction.apply(by_sight)
 
-    def _learn_seat(self) -> None:
-        """Keep what the unit has learned, now that it is docked; estimators of a user's own keep nothing."""
+    def _recall_seats(self) -> None:
+        """Let the filter begin anew with what was learned at earlier docks."""
         if self._memory is not None and isinstance(self._estimator, CornerEkf):
+            self._estimator.recall(self._memory.recall(self._port, self._estimator.prior))
+
+    def _learn_seat(self) -> None:
+        """Keep what the unit has learned, if it has docked; estimators of a user's own keep nothing."""
+        docked = self._phases.belief.conviction is Conviction.DOCKED
+        if docked and self._memory is not None and isinstance(self._estimator, CornerEkf):
             learned = self._estimator.learned(seated=True)
             if learned is not None:
                 self._memory.keep(self._port, learned)

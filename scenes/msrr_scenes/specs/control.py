@@ -90,7 +90,7 @@ class DockingSpec(Spec):
     press_mps: Speed = 0.05
     """Speed with which the robot presses into the port [m/s]."""
     learn_seats: bool = True
-    """Whether a docked unit learns how the port looks from its seat, for its next dock there."""
+    """Whether a docked unit learns how the port looks from its seat, for the way out and the next dock."""
     verify: VerifySpec = VerifySpec()
     """Check of the finished docking."""
 
@@ -149,7 +149,7 @@ class ControlSpec(Spec):
     drive_feed_forward: bool = True
     """Whether commands make up for the errors of wheel radii and track that the estimator has found out."""
     overhead_correction: bool = True
-    """Whether a unit on its way to the port corrects what its own camera tells by the overhead camera."""
+    """Whether the overhead camera corrects what a unit's own camera tells on the way to the port and back."""
     guard: GuardSpec = GuardSpec()
     """Collision monitor."""
 

@@ -141,6 +141,15 @@ def test_the_unit_is_localised_by_the_overhead_camera_far_away_and_by_its_own_ca
     assert {Phase.ASSEMBLE, Phase.DOCK} <= set(phases)
 
 
+def test_a_frame_that_arrives_in_the_long_distance_phase_was_exposed_before_it() -> None:
+    """It began the filter anew, and the next docking phase with a pose as old as the way there."""
+    robot = Robot(HERE @ SE2(0.6, 0.0), steps=3)
+    poses = []
+    while robot.step(HERE, robot.X_WD.inverse() @ HERE).phase is Phase.ASSEMBLE:
+        poses.append(robot.autonomy.estimates.pose)
+    assert poses == [None] * 3
+
+
 def test_a_pose_by_the_onboard_camera_is_composed_with_the_target_by_the_overhead_camera() -> None:
     robot = Robot(HERE @ SE2(0.6, 0.0), steps=0)
     X_DU = SE2(-0.4, 0.05, -0.1)

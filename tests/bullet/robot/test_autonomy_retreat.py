@@ -7,13 +7,16 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
 import pytest
 
 from msrr_bullet.run import run_trial
 from msrr_bullet.sensors.parametric_cameras import ParametricOverheadCamera
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.telemetry import Progress
-from msrr_scenes.messages import Phase
+from msrr_perception.tracking.overhead_correction import OverheadCorrection
+from msrr_scenes.arrays import Array
+from msrr_scenes.messages import Phase, PoseEstimate
 from msrr_scenes.outcome import Outcome
 from msrr_scenes.specs.scene import Scene
 
@@ -136,3 +139,33 @@ def test_a_unit_retreats_although_the_overhead_camera_fails() -> None:
     assert 1.0 < trial.waited_s < 1.3
     backed = trial.of(Phase.RETREAT)[0].true.x - trial.instants[-1].true.x
     assert backed > scene.docking.retreat_m - 0.03
+
+
+@pytest.fixture
+def shifts(monkeypatch: pytest.MonkeyPatch) -> dict[int, Array]:
+    """What the overhead camera adds to the pose by the onboard camera, by time [ns]; (3,) [m, m, rad]."""
+    found: dict[int, Array] = {}
+    apply = OverheadCorrection.apply
+
+    def recorded(self: OverheadCorrection, by_sight: PoseEstimate) -> PoseEstimate:
+        corrected = apply(self, by_sight)
+        found[by_sight.stamp_ns] = corrected.X_DU.as_array() - by_sight.X_DU.as_array()
+        return corrected
+
+    monkeypatch.setattr(OverheadCorrection, "apply", recorded)
+    return found
+
+
+@pytest.mark.parametrize("undocks", [False, True])
+def test_on_the_way_back_the_overhead_camera_corrects_the_onboard_camera_anew(
+    shifts: dict[int, Array], undocks: bool
+) -> None:
+    """It held on to the correction of the approach, and took it to be as good as it had been there."""
+    plan = [{"unit": "a", "to": "b.rear"}, {"undock": "a", "name": "leave"}]
+    changes = {"faults": [], "plan": plan} if undocks else {}
+    trial = Watched(plugged(None, as_built="workshop", **changes, **BLIND))
+    assert trial.run().outcome is (Outcome.COMPLETE if undocks else Outcome.NOT_SEATED)
+    retreat = trial.of(Phase.RETREAT)
+    back = [shifts[t] for t in sorted(shifts) if retreat[0].time_s <= 1e-9 * t <= retreat[-1].time_s]
+    assert (np.abs(back[0]).max() > 0.0) is not undocks, "the one of the approach, until the unit is out"
+    assert len({tuple(shift) for shift in back}) > 10

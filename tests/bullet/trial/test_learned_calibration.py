@@ -19,6 +19,8 @@ from msrr_scenes.loading.load import load_scene
 from msrr_scenes.messages import Action, Phase, PoseEstimate
 from msrr_scenes.outcome import Outcome
 
+BLIND = {"plant": "unicycle", "perception": "parametric", "radio": "{}"}
+
 
 @pytest.mark.nightly
 @pytest.mark.timeout(3000)
@@ -63,14 +65,31 @@ def test_units_that_a_base_station_leads_do_not_calibrate(tmp_path: Path) -> Non
         load_scene(path)
 
 
-def test_a_seat_teaches_a_unit_without_pixels_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("by_sight", [True, False])
+def test_a_seat_teaches_a_unit_without_pixels_as_well(
+    monkeypatch: pytest.MonkeyPatch, by_sight: bool
+) -> None:
     """How the marker is turned to the port: poses, measured however often, tell nothing of it."""
     kept: dict[str, CalibrationEstimate] = {}
     monkeypatch.setattr(CalibrationMemory, "keep", lambda _, port, estimate: kept.update({port: estimate}))
-    blind = {"plant": "unicycle", "perception": "parametric", "radio": "{}"}
-    scene = load_scene("dock_again", {**blind, "plan": "[{unit: a, to: b.rear}]"})
+    verify = {"docking.verify.by_sight": str(by_sight).lower()}
+    scene = load_scene("dock_again", {**BLIND, **verify, "plan": "[{unit: a, to: b.rear}]"})
     assert Trial(scene, 0).run().outcome is Outcome.COMPLETE
     prior = CornerEkf(TargetModel.from_scene(scene, scene.docks[0]), scene.odometry).prior
     sigmas = [np.sqrt(known.covariance[-1, -1]) for known in (kept.pop("b.rear"), prior)]
     assert sigmas[0] < 0.9 * sigmas[1]
     assert not kept
+
+
+def test_a_unit_backs_out_with_what_its_seat_has_taught() -> None:
+    """Its own camera alone, so that nothing but the seat makes a difference."""
+    sigmas = []
+    for learns in ("true", "false"):
+        changes = {"docking.learn_seats": learns, "control.overhead_correction": "false"}
+        plan = "[{unit: a, to: b.rear}, {undock: a, name: leave}]"
+        recorder = MemoryRecorder()
+        scene = load_scene("dock_again", {**BLIND, **changes, "plan": plan})
+        assert Trial(scene, 0, recorder=recorder).run().outcome is Outcome.COMPLETE
+        last = [m for _, _, m in recorder.messages if isinstance(m, PoseEstimate)][-1]
+        sigmas.append(np.sqrt(np.diag(last.covariance)))
+    assert (sigmas[0] < 0.7 * sigmas[1]).all()
