@@ -68,6 +68,7 @@ class Coordinator:
         self._sent_ns: int | None = None
         self._tried_ns: int | None = None
         self._hopeless_ns: int | None = None
+        self._sited_ns: int | None = None  # when there was no site without units that may be found
         self._replans = self._most_replans = 0
         self._past = PastTasks()
         self._watch = Watch(self._patience, setup.tolerance)
@@ -125,10 +126,13 @@ class Coordinator:
         self._sent_ns = now_ns
         expires_ns = now_ns + round(self._patience.expires_s * NS_PER_S)
         units = self._units.values()
-        # One that failed, is lost or is recalled is not sent any, so that it brakes.
-        muted = {u.name for u in units if u.out_of_action or self._recall.is_recalled(u)}
-        heard = [unit for unit in units if unit.name not in muted and unit.track is not None]
-        return [unit.authority(units, now_ns, expires_ns) for unit in heard]
+        sent = [unit for unit in units if unit.track is not None and not self._is_to_brake(unit, now_ns)]
+        return [unit.authority(units, now_ns, expires_ns) for unit in sent]
+
+    def _is_to_brake(self, unit: UnitRecord, now_ns: int) -> bool:
+        """Return whether a unit is sent no authority: it failed, is or will be lost, or is recalled."""
+        ends = unit.out_of_action or self._watch.is_to_stop(unit, now_ns)
+        return ends or self._recall.is_recalled(unit)
 
     @property
     def state(self) -> MissionState:
@@ -151,15 +155,20 @@ class Coordinator:
     # Where the shape stands.
 
     def _choose_site(self, now_ns: int) -> None:
-        """Choose the site of a shape or the order of a plan when all are seen; again if a root fails."""
+        """Choose the site of a shape or the order of a plan when all are seen; again if a root fails.
+
+        Where there is none without units that may be found, they are waited for.
+        """
         siting, units = self._siting, list(self._units.values())
         if siting.chosen:
             shape = self._mission.shape
             taken_by = None if shape is None else self._dispatcher.assigner.wanted.get(shape.root.name)
             failed = taken_by is not None and self._units[taken_by].state is UnitState.FAILED
-            if not failed or not siting.may_move(units):
+            if not (failed and self._root_is_open) or not siting.may_move(units):
                 return
             siting.move()
+        if self._sited_ns is not None and seconds(now_ns - self._sited_ns) < self._patience.look_again_s:
+            return
         unseen = [unit.name for unit in units if unit.X_WU is None]
         patience_s = self._patience.seen_s if siting.sees_root(units) else self._patience.lost_s
         if unseen and seconds(now_ns - self._start_ns) < patience_s:
@@ -167,6 +176,9 @@ class Coordinator:
         try:
             tasks, wanted = siting.choose(units, self._dispatcher.ends.obstacles)
         except SceneError as error:
+            if any(self._watch.may_be_found(unit, now_ns) for unit in units):
+                siting.chosen, self._sited_ns = False, now_ns
+                return
             missing = [f"not seen: {', '.join(unseen)}"] if unseen else []
             out = [f"{unit.name}: {unit.reason}" for unit in units if unit.out_of_action]
             for name in self._tasks.names(TaskState.OPEN):  # those of the site before

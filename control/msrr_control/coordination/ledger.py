@@ -59,7 +59,7 @@ class UnitRecord:
         retreat_m: Distance before the end of a dock leg to which a failed attempt leads back [m].
         fastest_mps: Speed that it does not exceed [m/s].
         held: Whether its collision monitor has held it where it stands.
-        evasions: How often it was sent out of the way.
+        evasions: How often it was sent out of the way since the mission has advanced.
         reason: Why it is in that state, in words.
     """
 
@@ -184,6 +184,8 @@ class UnitRecord:
 
     def observe(self, body: GlobalPose, now_ns: int) -> None:
         """Take in where the unit was seen."""
+        if self.X_WU is None:
+            self.still_ns = now_ns  # routes that were planned before may lead through it
         self.X_WU, self.sight, self.seen_ns = body.X_WB, body, body.stamp_ns
         if self.track is None or not self.under_way:
             return

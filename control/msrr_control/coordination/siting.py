@@ -94,8 +94,10 @@ class Siting:
         ]
         keep_out += [(o.X_WB.x, o.X_WB.y, o.radius) for o in obstacles]
         part = _part(shape, self._tasks, there, mission.named)
+        # Those that are not there may come yet.
+        later = [*([shape] if len(part.places) < len(shape.places) else ()), *mission.later_shapes]
         fit = partial(embedding, part, there, lanes, travel=self._setup.travel)
-        fit = partial(fit, named=mission.named, keep_out=keep_out, later=mission.later_shapes)
+        fit = partial(fit, named=mission.named, keep_out=keep_out, later=later)
         found = next((place for box in self._setup.finder.boxes if (place := fit(box=box))), None)
         if found is None:
             raise SceneError("the shape and the lanes to it do not fit into the arena")

@@ -19,6 +19,7 @@ class TaskList:
         self._states = {task.name: TaskState.OPEN for task in tasks}
         self._failures = {task.name: 0 for task in tasks}
         self.reasons: dict[str, str] = {}
+        self._done: set[str] = set()  # also those that were undone since
         self._hopeless: set[str] = set()  # given up because nobody could do them then, or with one of those
 
     def state(self, name: str) -> TaskState:
@@ -52,9 +53,12 @@ class TaskList:
         """Note that a unit has a route for the task."""
         self._states[name] = TaskState.GRANTED
 
-    def finish(self, name: str) -> None:
-        """Note that the task is done."""
+    def finish(self, name: str) -> bool:
+        """Note that the task is done, and return whether it is for the first time."""
         self._states[name] = TaskState.DONE
+        first = name not in self._done
+        self._done.add(name)
+        return first
 
     def reopen(self, name: str) -> None:
         """Note that the unit has lost its route for the task."""

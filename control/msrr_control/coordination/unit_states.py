@@ -69,7 +69,9 @@ class UnitStates:
             unit.stand(now_ns, "did not end where it should")
             return False
         else:
-            tasks.finish(task.name)
+            if tasks.finish(task.name):  # the mission advances, and what is left may need other ways
+                for other in self._units.values():
+                    other.evasions = 0
             stays = task.stays or task.kind is TaskKind.DOCK
             unit.stand(now_ns, "", UnitState.DOCKED if stays else UnitState.IDLE)
         return True

@@ -15,6 +15,9 @@ from msrr_scenes.messages.coordination import UnitMode, UnitState
 #: [m]. It is more than the errors of where units are seen, begin that leg and stop.
 _SHORT_M = 0.15
 
+#: Time in which a unit stands still once its authority has expired [s].
+_BRAKES_S = 1.0
+
 
 class Watch:
     """Judges progress by reports and sights; time in which nobody can know anything does not count."""
@@ -54,21 +57,31 @@ class Watch:
         One that may be in its dock leg goes on without being heard: it has as long as one that is.
         """
         unheard = self._unheard_s(unit, now_ns)
-        most = self._patience.dock_s if self._docks(unit) else self._patience.unheard_s
-        return f"not heard for {unheard:.0f} s" if unheard > most else None
+        return f"not heard for {unheard:.0f} s" if unheard > self._most_unheard_s(unit) else None
+
+    def is_to_stop(self, unit: UnitRecord, now_ns: int) -> bool:
+        """Return whether a unit under way is sent no more authorities, as it will soon count as lost.
+
+        The last one expires, and the unit brakes, before others are let onto the ground that it was granted.
+        """
+        left = self._most_unheard_s(unit) - self._unheard_s(unit, now_ns)
+        return unit.under_way and left < self._patience.expires_s + _BRAKES_S
 
     def is_found(self, unit: UnitRecord) -> bool:
         """Return whether a unit that was lost stands, and was heard and seen since, or tells of its port.
 
         One that stood since it was not heard may drive on by an authority that was sent before it was lost,
         and has arrived late: it has to stand when that has expired. One that is in the port that it was to
-        enter, or that says that it is lost, stays there.
+        enter, or that says that it is lost, stays there. One on its way out of a port tells of it until it is
+        clear.
         """
         report = unit.report
         if report is None or report.stamp_ns <= unit.still_ns:
             return False
         if unit.holder is not None and unit.holder == unit.enters:
             return True
+        if unit.holder is not None and unit.unlocks and report.route == unit.route:
+            return False
         expires_ns = 0 if unit.says_lost else round(self._patience.expires_s * NS_PER_S)
         stands = report.mode not in (UnitMode.DRIVING, UnitMode.DOCKING)
         seen = unit.seen_ns > unit.still_ns or unit.holder is not None
@@ -106,6 +119,9 @@ class Watch:
             )
             return f"no progress beyond {unit.progress:.2f} m in {wait:.0f} s{said}"
         return None
+
+    def _most_unheard_s(self, unit: UnitRecord) -> float:
+        return self._patience.dock_s if self._docks(unit) else self._patience.unheard_s
 
     def _unheard_s(self, unit: UnitRecord, now_ns: int) -> float:
         return seconds(now_ns - max(unit.heard_ns, unit.granted_ns))

@@ -23,7 +23,7 @@ from msrr_scenes.messages.coordination import UnitState
 #: Number of waiting places that are tried.
 _WAITING_PLACES = 4
 
-#: How often a unit may be sent out of the way.
+#: How often a unit may be sent out of the way before another task is done.
 _EVASIONS = 3
 
 

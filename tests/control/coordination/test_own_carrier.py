@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -86,4 +87,4 @@ def test_one_that_cannot_go_back_leaves_the_mission_incomplete(rig: type[Rig]) -
     steps = [_move("a", SE2(0.5, 0.0, 0.0), "first"), _move("b", SE2(0.78, 0.0, 0.0), "beside")]
     run = rig(Mission(steps=steps), {"a": SE2(-1.0, -0.5, 0.0), "b": SE2(-1.0, 0.5, 0.0)})
     assert run.run().state is MissionState.INCOMPLETE
-    assert "finds no route: a stands in every way" in run.status.reason
+    assert re.search("finds no route: [ab] stands", run.status.reason)

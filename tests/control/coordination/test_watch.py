@@ -47,14 +47,19 @@ def test_a_lost_unit_is_found_where_it_stands_heard_and_seen(
 
 
 def test_a_lost_unit_in_a_port_is_found_unseen() -> None:
-    """In the one that it was to enter at once; in another one when its last authority has ended."""
-    for enters, told_s, found in (
-        (("b", "rear"), LOST_S + 0.1, True),
-        (None, LOST_S + 0.1, False),
-        (None, EXPIRED_S + 0.1, True),
+    """In the one that it was to enter at once; in another one when its last authority has ended.
+
+    One on its way out of a port tells that it is docked until it is clear, and was told to leave it again.
+    """
+    for enters, unlocks, route, told_s, found in (
+        (("b", "rear"), False, 1, LOST_S + 0.1, True),
+        (None, False, 1, LOST_S + 0.1, False),
+        (None, False, 1, EXPIRED_S + 0.1, True),
+        (None, True, 1, EXPIRED_S + 9.0, False),
+        (None, True, 2, EXPIRED_S + 0.1, True),  # it has not heard of the route that leads out
     ):
-        unit = UnitRecord("a", SE2(), state=UnitState.LOST, route=1, still_ns=round(LOST_S * S))
-        unit.holder, unit.enters = ("b", "rear"), enters
+        unit = UnitRecord("a", SE2(), state=UnitState.LOST, route=route, still_ns=round(LOST_S * S))
+        unit.holder, unit.enters, unit.unlocks = ("b", "rear"), enters, unlocks
         unit.report = _told(UnitMode.DOCKED, told_s, "b.rear")
         assert Watch(PATIENCE).is_found(unit) is found
 
