@@ -12,7 +12,7 @@ from msrr_scenes.outcome import Outcome
 _TOLD = (Outcome.COMPLETE, Outcome.INCOMPLETE)
 
 #: Outcomes of steps that a base station does not know of, unless the unit itself has given up and said so.
-_UNKNOWN = (Outcome.PROGRAM_FAILED, Outcome.FALSE_DOCK, Outcome.LOCK_FAILED)
+_UNKNOWN = (Outcome.PROGRAM_FAILED, Outcome.FALSE_DOCK, Outcome.LOCK_FAILED, Outcome.STUCK)
 
 
 @dataclass(frozen=True, slots=True)

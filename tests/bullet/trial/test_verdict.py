@@ -38,6 +38,8 @@ def step(outcome: Outcome, ended_s: float = 5.0, reason: str = "", belief: Belie
 DOCKED, JAMMED, ABORTED = step(Outcome.DOCKED), step(Outcome.JAMMED, 9.0), step(Outcome.ABORTED, 3.0)
 FALSE_DOCK = step(Outcome.FALSE_DOCK, reason="the lock holds nothing")
 WEAK = step(Outcome.LOCK_FAILED, reason="the lock failed the pull test")
+HANGS = step(Outcome.STUCK, reason="it is still in its port", belief="undocked")
+KNOWS_IT_HANGS = step(Outcome.STUCK, belief="gave_up")
 GAVE_WAY = step(Outcome.LOCK_FAILED, belief="gave_up")
 
 
@@ -57,6 +59,8 @@ def test_the_decisive_step_is_the_first_to_end_without_success() -> None:
         (COMPLETE, (DOCKED, JAMMED), None, COMPLETE),  # the base station has answered a jam
         (COMPLETE, (FALSE_DOCK,), None, Verdict(Outcome.FALSE_DOCK, "a at b.rear: the lock holds nothing")),
         (COMPLETE, (WEAK,), None, Verdict(Outcome.LOCK_FAILED, "a at b.rear: the lock failed the pull test")),
+        (COMPLETE, (HANGS,), None, Verdict(Outcome.STUCK, "a at b.rear: it is still in its port")),
+        (COMPLETE, (KNOWS_IT_HANGS,), None, COMPLETE),
         (COMPLETE, (GAVE_WAY, DOCKED), None, COMPLETE),  # the unit has told that its lock gave way
         (COMPLETE, (DOCKED,), LOCK, Verdict(Outcome.LOCK_FAILED, LOCK)),
         (COLLISION, (FALSE_DOCK,), LOCK, COLLISION),
