@@ -111,8 +111,10 @@ def read_truth(folder: Path) -> dict[str, frozenset[int]]:
     file = folder / TRUTH
     truth: dict[str, frozenset[int]] = {}
     try:
-        for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+        for number, line in enumerate(file.read_text(encoding="utf-8-sig").splitlines(), 1):
             name, *ids = line.split() or [""]
+            if "\0" in name:
+                raise PictureError(f"{file}, line {number}: a byte 0 in the name of a photograph")
             if name:
                 truth[name] = frozenset(_ids(ids, f"{file}, line {number}"))
     except (OSError, UnicodeDecodeError) as error:
@@ -125,8 +127,9 @@ def read_truth(folder: Path) -> dict[str, frozenset[int]]:
 
 def _ids(texts: Sequence[str], place: str) -> list[int]:
     for text in texts:
-        if not text.isdecimal() or int(text) >= TAG36H11.ids:
-            raise PictureError(f"{place}: expected ids from 0 to {TAG36H11.ids - 1}, found {text!r:.40}")
+        if not text.isdecimal() or len(text) > len(str(TAG36H11.ids)) or int(text) >= TAG36H11.ids:
+            expected = f"a name without spaces, and ids from 0 to {TAG36H11.ids - 1}"
+            raise PictureError(f"{place}: expected {expected}, found {text!r:.40}")
     return [int(text) for text in texts]
 
 

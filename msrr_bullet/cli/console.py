@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from shutil import get_terminal_size
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # loaded by the commands that print with them, so that msrr --help is quick
@@ -36,7 +37,9 @@ def open_console(*, stderr: bool = False) -> Console:
             # Called where a BrokenPipeError is handled; Rich would end the program there, with work undone.
             raise
 
-    return PlainConsole(stderr=stderr, markup=False, emoji=False)
+    # Where COLUMNS is 0 Rich prints nothing at all.
+    width = get_terminal_size().columns if os.environ.get("COLUMNS") == "0" else None
+    return PlainConsole(stderr=stderr, markup=False, emoji=False, width=width)
 
 
 @contextmanager

@@ -117,8 +117,9 @@ def detect(
 
 def _read_file(file: Path, reader: PictureReader, out: Path | None, work: _Work) -> None:
     """Read all pictures of a file; one that cannot be read is reported, and the work goes on."""
-    from msrr_perception.photographs.picture_files import PictureError, read_pictures
+    from msrr_perception.photographs.picture_files import FILMS, PictureError, check_whole, read_pictures
 
+    before = len(work.pictures)
     try:
         for name, pixels in read_pictures(file):
             start = time.process_time()
@@ -128,6 +129,8 @@ def _read_file(file: Path, reader: PictureReader, out: Path | None, work: _Work)
             work.pictures.append(picture)
             if out is not None:
                 _draw(picture, pixels, reader, out, work)
+        if file.suffix.lower() in FILMS:
+            check_whole(file, len(work.pictures) - before)
     except PictureError as error:
         work.failed += 1
         report_error(str(error), BAD_INPUT)

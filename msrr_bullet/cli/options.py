@@ -62,7 +62,9 @@ Run = Annotated[
         show_default="the newest run in runs",
     ),
 ]
-Jobs = Annotated[int, typer.Option(min=1, help="Number of processes.")]
+#: Largest number of processes: no machine has more cores.
+MOST_JOBS = 4096
+Jobs = Annotated[int, typer.Option(min=1, max=MOST_JOBS, help="Number of processes.")]
 
 #: Folder of the run folders, unless ``--out`` names another place.
 RUNS = Path("runs")
@@ -227,7 +229,7 @@ def check_writable(file: Path | None, option: str = "--json", taken: Iterable[Pa
         return
     if file.resolve() in {other.resolve() for other in taken if other is not None}:
         raise SceneError(f"{option} {file}: the command uses this file already; name another one")
-    folder = file.absolute().parent
+    folder = file.resolve().parent  # that of what a link points to
     if file.is_dir() or not folder.is_dir():
         raise SceneError(f"{option} {file}: not a file in an existing folder")
     try:

@@ -118,7 +118,7 @@ def frames(
     ] = "both",
     every: Annotated[
         float | None,
-        typer.Option(metavar="S", min=0.001, help="Write one frame of each camera every S seconds."),
+        typer.Option(metavar="S", min=0.001, max=1e6, help="Write one frame of each camera every S seconds."),
     ] = None,
     count: Annotated[
         int | None,
@@ -181,6 +181,10 @@ def film(
     typer.echo(str(file))
 
 
+#: Digits of an edge of a film [px]: more are no size of a picture.
+_MOST_DIGITS = 5
+
+
 def _parse_size(text: str) -> tuple[int, int]:
     """Parse ``WIDTHxHEIGHT``.
 
@@ -188,7 +192,7 @@ def _parse_size(text: str) -> tuple[int, int]:
         SceneError: The text is something else.
     """
     width, _, height = text.partition("x")
-    if not (width.isdecimal() and height.isdecimal()):
+    if not all(edge.isdecimal() and len(edge) <= _MOST_DIGITS for edge in (width, height)):
         raise SceneError(f"--size {text}: expected WIDTHxHEIGHT in pixels, such as 1280x720")
     return int(width), int(height)
 

@@ -13,6 +13,7 @@ from msrr_bullet.cli.console import open_console, progress_bar
 from msrr_bullet.cli.exit_codes import BAD_INPUT, PROGRAM_ERROR, Terminated, report_error
 from msrr_bullet.cli.options import (
     DEFAULT_JOBS,
+    MOST_JOBS,
     RUNS,
     SEEDS_HELP,
     STANDARD_OUTPUT,
@@ -51,7 +52,8 @@ def sweep(
         str, typer.Option(metavar="A:B", help=f"{SEEDS_HELP} A list such as 3,8,15 is possible, too.")
     ] = "0:100",
     jobs: Annotated[
-        int | None, typer.Option(min=1, help="Number of processes.", show_default=str(DEFAULT_JOBS))
+        int | None,
+        typer.Option(min=1, max=MOST_JOBS, help="Number of processes.", show_default=str(DEFAULT_JOBS)),
     ] = None,
     json_file: JsonFile = None,
     csv_file: Annotated[

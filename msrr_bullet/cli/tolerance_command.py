@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from msrr_bullet.cli.console import open_console, status_line
-from msrr_bullet.cli.exit_codes import BAD_INPUT, PROGRAM_ERROR, report_error
+from msrr_bullet.cli.exit_codes import BAD_INPUT, PROGRAM_ERROR, Terminated, report_error
 from msrr_bullet.cli.options import (
     DEFAULT_JOBS,
     RUNS,
@@ -99,7 +99,7 @@ def tolerance(
                 on_progress=lambda text: show(f"{loaded.name}, {text}"),
                 **arguments,
             )
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, Terminated):
             if (store := folder / STUDY_STORE).exists():
                 typer.echo(f"The trials so far are in {store}; the same command goes on from there.")
             raise

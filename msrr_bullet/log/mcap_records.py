@@ -20,7 +20,10 @@ from mcap.stream_reader import MAGIC_SIZE, CRCValidationError, StreamReader, get
 from msrr_bullet.log.codec import LogError
 
 #: Errors that the MCAP reader raises when a record is cut off or damaged.
-_DAMAGE = (McapError, CRCValidationError, struct.error, zstandard.ZstdError, UnicodeDecodeError)
+_DAMAGE = (
+    *(McapError, CRCValidationError, struct.error, zstandard.ZstdError, ValueError),
+    *(OverflowError, MemoryError, RuntimeError),  # of lengths that cannot be, and of LZ4
+)
 
 #: Opcode and length of an MCAP record, and what a message begins with: channel, sequence, two times [ns].
 _HEAD, _MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")

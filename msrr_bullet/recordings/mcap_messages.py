@@ -28,6 +28,7 @@ from msrr_scenes.messages import NS_PER_S
 DAMAGE = (
     *(McapError, zstandard.ZstdError, struct.error, DecodeError, EOFError, OSError),
     *(ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, MemoryError),
+    RuntimeError,  # of LZ4, and of what is nested too deep
 )
 
 
@@ -46,6 +47,21 @@ class _JsonDecoderFactory(DecoderFactory):
     def decoder_for(self, message_encoding: str, schema: Schema | None) -> Callable[[bytes], Any] | None:
         """Return the decoder of messages in JSON; None for others."""
         return _from_json if message_encoding == "json" else None
+
+
+class _Ros2DecoderFactory(Ros2DecoderFactory):
+    """Decodes messages in CDR, and tells of a definition that is none as of other damage."""
+
+    def decoder_for(self, message_encoding: str, schema: Schema | None) -> Callable[[bytes], Any] | None:
+        """Return the decoder of messages in CDR; None for others.
+
+        Raises:
+            McapError: The definition cannot be parsed.
+        """
+        try:
+            return super().decoder_for(message_encoding, schema)
+        except Exception as error:  # errors of its parser have no other class in common
+            raise McapError(f"the definition of {_name(schema)}: {error}") from error
 
 
 def _from_json(data: bytes) -> Any:
@@ -71,7 +87,7 @@ def read_channels(path: Path) -> dict[str, str]:
 
 def _reader(file: IO[bytes]) -> McapReader:
     """Return a reader of a file; one that was cut off has no index, and is read from its beginning."""
-    factories = [_JsonDecoderFactory(), ProtobufDecoderFactory(), Ros2DecoderFactory()]
+    factories = [_JsonDecoderFactory(), ProtobufDecoderFactory(), _Ros2DecoderFactory()]
     start, size = file.read(len(MAGIC)), file.seek(0, os.SEEK_END)
     file.seek(max(0, size - len(MAGIC)))
     end = file.read()

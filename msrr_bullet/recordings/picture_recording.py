@@ -9,17 +9,14 @@ from pathlib import Path
 from msrr_bullet.recordings.recording import RecordedFrame, Recording, RecordingError
 from msrr_perception.photographs.picture_files import (
     FILMS,
-    announced_frames,
+    PictureError,
+    check_whole,
     picture_files,
     read_film,
     read_picture,
 )
 from msrr_scenes.messages import NS_PER_S, Pixels
 from msrr_scenes.wording import counted
-
-#: Share of the frames that a film announces below which it is taken to be cut off: where it tells its
-#: length and not the number of frames, that number follows from a nominal rate.
-_LEAST_SHARE = 0.9
 
 
 def open_film(path: Path, latency_ns: int) -> Recording:
@@ -38,9 +35,10 @@ def open_film(path: Path, latency_ns: int) -> Recording:
             # Formats with times in milliseconds may give two frames the same one.
             before_ns = stamp_ns = max(round(time_s * NS_PER_S), before_ns + 1)
             yield RecordedFrame(name, stamp_ns, stamp_ns + latency_ns, partial(_known, pixels), number)
-        announced = announced_frames(path)
-        if number + 1 < _LEAST_SHARE * announced:
-            raise RecordingError(f"{path}: the film ends after {number + 1} of {announced} frames")
+        try:
+            check_whole(path, number + 1)
+        except PictureError as error:  # what comes before is worth having
+            raise RecordingError(str(error)) from None
 
     return Recording(str(path), frames)
 

@@ -166,6 +166,6 @@ def _mismatch(text: str, error: ValidationError) -> str:
     message = f"not a trial result of this version: {f'{place}: ' if place else ''}{first['msg']}"
     try:
         written_by = json.loads(text)["versions"]["msrr-bullet"]
-    except (ValueError, KeyError, TypeError):  # no result of any version
+    except (ValueError, KeyError, TypeError, RecursionError):  # no result of any version
         return message
     return f"{message}; msrr-bullet {written_by} wrote it, run the trial again"

@@ -43,7 +43,9 @@ def draw_stills(log: Log, snapshots: Sequence[Snapshot]) -> list[Still]:
             encoder.submit(_still, view.exposure, annotator.draw(view), "webp", STILL_QUALITY)
             for view in read_camera_views(log, exposures)
         ]
-    return [still.result() for still in stills]
+        # A signal that interrupts the wait at the end of the block would leave a thread in OpenCV, whose end
+        # aborts the process: by then there is nothing left to wait for.
+        return [still.result() for still in stills]
 
 
 def live_stills(scene: Scene, seed: int) -> Callable[[CameraView, SnapshotInterpolator], Still]:

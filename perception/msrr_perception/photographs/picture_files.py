@@ -24,6 +24,10 @@ from msrr_scenes.messages import Pixels
 PICTURES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp")
 FILMS = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".webm")
 
+#: Share of the frames that a film announces below which it is taken to be cut off: where it tells its
+#: length and not the number of frames, that number follows from a nominal rate.
+_LEAST_SHARE = 0.9
+
 #: Smallest and largest edge of a picture [px]; smaller ones hold no tag.
 _LEAST_EDGE, _GREATEST_EDGE = 16, 32_768
 
@@ -166,13 +170,19 @@ def read_film(file: Path) -> Iterator[tuple[str, float, Pixels]]:
         raise PictureError(f"{file}: not a film that OpenCV can read, or a damaged one")
 
 
-def announced_frames(file: Path) -> int:
-    """Return how many frames a film says that it has; 0 if it does not say it."""
-    film = cv2.VideoCapture(str(file))
+def check_whole(film: Path, frames: int) -> None:
+    """Refuse a film of which ``frames`` could be read if it says that it has more.
+
+    Raises:
+        PictureError: It was cut off, or is damaged behind those frames.
+    """
+    capture = cv2.VideoCapture(str(film))
     try:
-        return max(round(film.get(cv2.CAP_PROP_FRAME_COUNT)), 0) if film.isOpened() else 0
+        announced = round(capture.get(cv2.CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
     finally:
-        film.release()
+        capture.release()
+    if frames < _LEAST_SHARE * announced:
+        raise PictureError(f"{film}: the film ends after {frames} of {announced} frames")
 
 
 def mono8(grey: NDArray[np.generic], name: str) -> Pixels:

@@ -59,7 +59,10 @@ def test_what_is_found_and_what_is_not_there_is_counted(tmp_path: Path) -> None:
 
 def test_lists_that_are_wrong_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for text, message in (
-        ("a.png 3 x\n", "line 1: expected ids from 0 to 586, found 'x'"),
+        ("a.png 3 x\n", "line 1: expected a name without spaces, and ids from 0 to 586, found 'x'"),
+        ("a.png " + 5000 * "9", "line 1: expected a name without spaces, and ids from 0 to 586, found '999"),
+        ("a\0.png 3\n", "line 1: a byte 0 in the name of a photograph"),
+        ("\ufeffa.png 3\n", f"{tmp_path}/a.png: cannot be read"),
         ("a.png 3\n", "a.png: cannot be read"),
         ("", "no photograph is listed"),
     ):

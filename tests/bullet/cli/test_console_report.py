@@ -25,6 +25,14 @@ def text(table: Table) -> str:
     return " ".join(capture.get().replace("\u2502", " ").split())
 
 
+def test_a_terminal_that_says_to_be_of_no_width_gets_its_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "0")
+    console = open_console()
+    with console.capture() as capture:
+        console.print("a line")
+    assert capture.get() == "a line\n"
+
+
 @pytest.fixture
 def false_dock() -> TrialResult:
     here = PlanarPose(x_m=-0.102, y_m=0.0, yaw_rad=0.0)

@@ -75,8 +75,10 @@ def test_numbers_go_to_a_file_or_to_standard_output(
     write_output(tmp_path / "numbers.json", "{}")
     assert (tmp_path / "numbers.json").read_text() == "{}"
     check_writable(tmp_path / "numbers.json")
-    with pytest.raises(SceneError, match="not a file in an existing folder"):
-        check_writable(tmp_path)
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere" / "numbers.json")
+    for path in (tmp_path, tmp_path / "link"):
+        with pytest.raises(SceneError, match="not a file in an existing folder"):
+            check_writable(path)
 
 
 def test_a_file_that_cannot_be_written_whole_leaves_the_older_one(tmp_path: Path, room: Room) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.stream_reader import MAGIC_SIZE
 
 from msrr_bullet.log import LogError, LogHeader, MemoryRecorder, read_log, topics
 from msrr_bullet.log.codec import log_name
@@ -93,6 +94,24 @@ def test_damage_is_not_mistaken_for_an_early_end(tmp_path: Path, header: LogHead
     content[len(content) // 2] ^= 0xFF
     path.write_bytes(content)
     with pytest.raises(LogError, match="damaged: the checksum of a part of it is not that of the bytes"):
+        list(read_log(path).records())
+
+
+@pytest.mark.parametrize(("opcode", "other"), [(1, 5), (11, 6)])
+def test_a_record_that_says_to_be_another_one_is_damage(
+    tmp_path: Path, header: LogHeader, opcode: int, other: int
+) -> None:
+    """Its bytes are read as lengths, which may be negative or larger than the memory."""
+    path = tmp_path / "t.mcap"
+    with McapRecorder(path, header) as recorder:
+        record_trial(recorder, 1.0)
+    content = bytearray(path.read_bytes())
+    begin = MAGIC_SIZE
+    while content[begin] != opcode:
+        begin += 9 + int.from_bytes(content[begin + 1 : begin + 9], "little")
+    content[begin] = other
+    path.write_bytes(content)
+    with pytest.raises(LogError, match=r"t\.mcap"):
         list(read_log(path).records())
 
 

@@ -18,6 +18,7 @@ import yaml
 from mcap.writer import Writer
 
 from msrr_bullet.cli.app import run
+from msrr_bullet.cli.exit_codes import BAD_INPUT
 from msrr_bullet.log import read_log
 from msrr_bullet.log.records import Event, TruePose
 from msrr_bullet.recordings.recording import RecordingError
@@ -32,6 +33,9 @@ from msrr_scenes.messages import Detections, PoseEstimate
 from msrr_scenes.specs.scene import Scene
 from tests.bullet.recordings.conftest import Trial, run_trial_quietly
 from tests.bullet.recordings.mcap_files import png, write_foxglove, write_ros2
+
+#: Definition of a message that contains itself.
+ITSELF = b"sensor_msgs/Image inner\n" + b"=" * 80 + b"\nMSG: sensor_msgs/Image\nsensor_msgs/Image inner\n"
 
 #: EXIF block of a JPEG that says: turn by 90 degrees (orientation 6).
 EXIF_TURNED = (
@@ -178,6 +182,31 @@ def test_messages_that_are_no_images_are_named_each(trial: Trial, tmp_path: Path
         assert message.startswith(f"{path}: /camera at {0.04 * k:.3f} s: ")
 
 
+@pytest.mark.parametrize(
+    ("kind", "definition", "encoding", "body"),
+    [
+        ("ros2msg", b"foo bar baz $$", "cdr", bytes(40)),
+        ("ros2msg", b"uint8 LEVEL=300", "cdr", bytes(40)),
+        ("ros2msg", ITSELF, "cdr", bytes(40)),
+        ("jsonschema", b"{}", "json", b"[" * 100_000),
+    ],
+    ids=["no definition", "too large a constant", "a message in itself", "nested too deep"],
+)
+def test_a_definition_that_is_none_and_what_is_nested_too_deep_are_damage(
+    trial: Trial, tmp_path: Path, kind: str, definition: bytes, encoding: str, body: bytes
+) -> None:
+    path = tmp_path / "odd.mcap"
+    name = "sensor_msgs/msg/Image" if kind == "ros2msg" else "foxglove.CompressedImage"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/camera", encoding, writer.register_schema(name, kind, definition))
+        writer.add_message(channel, log_time=1, publish_time=1, data=body)
+        writer.finish()
+    with pytest.raises(RecordingError, match="behind message 0"):
+        perceive(path, trial.target)
+
+
 def _first_frames(trial: Trial, path: Path) -> Path:
     return write_foxglove(path, trial.frames()[:2], trial.wheels()[:20], protobuf=False)
 
@@ -257,7 +286,7 @@ def _torn(whole: bytes) -> bytes:
 
 @pytest.mark.parametrize(("ending", "code"), [(".avi", "MJPG"), (".mkv", "mp4v")])
 def test_a_film_that_was_cut_off_is_read_as_far_as_it_goes(
-    trial: Trial, tmp_path: Path, ending: str, code: str
+    trial: Trial, tmp_path: Path, ending: str, code: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, frames = tmp_path / f"film{ending}", [pixels for _, _, pixels in trial.frames()]
     film = cv2.VideoWriter(
@@ -273,6 +302,8 @@ def test_a_film_that_was_cut_off_is_read_as_far_as_it_goes(
     part = perceive(path, trial.target, report=messages.append)
     assert part.cut_off
     assert 0 < part.frames < whole.frames
+    assert run(["detect", str(path)]) == BAD_INPUT
+    assert "the film ends after" in capsys.readouterr().err
     # OpenCV announces the last frame of some films, and cannot decode the piece of it that is there.
     assert part.frames <= int(re.search(r"ends after (\d+) of", messages[0])[1]) <= part.frames + 1
 
