@@ -117,6 +117,8 @@ class ParametricOverheadCamera:
         self.spec = spec
         self._errors = {name: errors(name) for name in (*scene.units, *scene.obstacles)}
         self._untagged = {name for name, obstacle in scene.obstacles.items() if obstacle.tag_id is None}
+        self._untagged |= {unit for unit in scene.units if "tag_top" not in scene.tag_ids(unit)}
+        self._untagged |= scene.covered_units
         self._poses = poses
         self.frames, self._sight = frames, sight
         xy, yaw = scene.parametric.sigma_xy_m, math.radians(scene.parametric.sigma_yaw_deg)

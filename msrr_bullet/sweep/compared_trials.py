@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -57,18 +58,26 @@ DURATION = Figure("duration where both succeed", "s", "duration_s")
 
 #: Columns of :data:`msrr_bullet.sweep.trial_table.TRIAL_COLUMNS` that have to be there.
 _COLUMNS = (
-    *("seed", "outcome", "duration_s", "step", "undocks"),
+    *("seed", "outcome", "duration_s", "step", "unit", "target", "undocks"),
     *(column for figure in FIGURES for column in (figure.column, figure.where) if column),
 )
 
 
+#: Unit and target of a step, and how many steps of the same two came before: orders may differ in two trials.
+StepKey = tuple[str, str, int]
+
+
 @dataclass(slots=True)
 class Trial:
-    """A trial as its rows tell of it: how it ended, and the values of its docking steps by column."""
+    """A trial as its rows tell of it: how it ended, and the values of its docking steps.
+
+    These are kept by column, then by unit, target and how often that pair had a step before.
+    """
 
     outcome: str
     duration_s: float | None
-    values: dict[str, list[float]] = field(default_factory=dict)
+    values: dict[str, dict[StepKey, float]] = field(default_factory=dict)
+    pairs: Counter[tuple[str, str]] = field(default_factory=Counter)
     steps: set[str] = field(default_factory=set)
 
     @property
@@ -178,11 +187,16 @@ def _add(trials: dict[int, Trial], row: dict[str, str], place: str, counted: Map
     trial.steps.add(row["step"])
     if _number(row, "undocks", place):
         return
+    pair = (row["unit"], row["target"])
+    key = (*pair, trial.pairs[pair])
+    trial.pairs[pair] += 1
     for figure in FIGURES:
         value = _number(row, figure.column, place)
+        if figure.column == "recovery_s" and value is None and row["amplitude_m"]:
+            value = math.inf  # it passed an obstacle, and ended beyond the distance that counts as recovered
         counts = not figure.where or _number(row, figure.where, place) == 1.0
         if value is not None and counts:
-            trial.values.setdefault(figure.column, []).append(value)
+            trial.values.setdefault(figure.column, {})[key] = value
 
 
 def _number(row: dict[str, str], column: str, place: str) -> float | None:

@@ -46,7 +46,7 @@ class ComparedFigure(BaseModel, frozen=True):
 
     Attributes:
         name: Name of the figure. That of a trial with several docking steps is the largest of theirs, or the
-            smallest clearance.
+            smallest clearance; where one of the two did not succeed, of the steps that both have.
         unit: Unit of the figure; empty for a number.
         trials: Number of trials that have it in both sweeps.
         quantiles: Median and 95th percentile, of clearances the 5th.
@@ -116,7 +116,7 @@ def compare_sweeps(
     both = [(p, q) for p, q in pairs if p.succeeded and q.succeeded]
     first_alone, second_alone, p = mcnemar(*good)
     figures = [
-        *(_compared(f, [(_value(p, f), _value(q, f)) for p, q in pairs]) for f in FIGURES),
+        *(_compared(f, [_values(p, q, f) for p, q in pairs]) for f in FIGURES),
         _compared(DURATION, [(p.duration_s, q.duration_s) for p, q in both]),
     ]
     return SweepComparison(
@@ -135,9 +135,15 @@ def compare_sweeps(
     )
 
 
-def _value(trial: Trial, figure: Figure) -> float | None:
-    values = trial.values.get(figure.column)
-    return figure.of_trial(values) if values else None
+def _values(first: Trial, second: Trial, figure: Figure) -> tuple[float | None, float | None]:
+    """Return a figure of the same trial in both sweeps, over the same steps."""
+    one, other = (trial.values.get(figure.column, {}) for trial in (first, second))
+    if not (first.succeeded and second.succeeded):  # else all steps were done, by whatever units
+        steps = one.keys() & other.keys()
+        one, other = ({step: values[step] for step in steps} for values in (one, other))
+    if not one or not other:
+        return None, None
+    return figure.of_trial(one.values()), figure.of_trial(other.values())
 
 
 def _compared(figure: Figure, pairs: Sequence[tuple[float | None, float | None]]) -> ComparedFigure:

@@ -135,7 +135,9 @@ def _figures(results: list[StepResult], *, independent: bool) -> StepFigures:
         seated_axial_mm=of(1000.0 * s.axial_gap_m for s in seatings),
         tracking_error_m=of(_known(f.tracking_error_m for f in figures)),
         amplitude_m=of(_known(f.amplitude_m for f in figures)),
-        recovery_s=of(_known(f.recovery_s for f in figures)),
+        recovery_s=of(
+            math.inf if f.recovery_s is None else f.recovery_s for f in figures if f.amplitude_m is not None
+        ),
         onboard_disagreeing_percent=of(_disagreeing(r.onboard_exposures for r in results)),
         overhead_disagreeing_percent=of(_disagreeing(r.overhead_exposures for r in results)),
         attempts=of(float(len(r.attempts)) for r in results),

@@ -174,6 +174,8 @@ class DockingStep:
             return
         self.verdict = Verdict(Outcome.LOCK_FAILED, "the lock failed the pull test")
         end_ns = plant.now_ns() + duration_ns(_WATCH_S)
+        if not self.runner.running:  # one that a base station leads is on standby
+            self.runner.start(self.step, [])
         while plant.now_ns() < end_ns:
             now_ns = plant.now_ns()
             self.runner.sense(now_ns)

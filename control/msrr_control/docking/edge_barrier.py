@@ -112,7 +112,7 @@ class EdgeBarrier:
         quickest = (1.0 + min(setup.camera_offset, 0.0) / reach) * limits.dw_max_radps2
         self.gains = EnvelopeGains(gamma=braking * quickest, rho=rho_rad)
         self.lead_s = period / -math.expm1(-limits.kappa_per_s * period)
-        self._a_max = limits.a_max_mps2
+        self._a_max, self._w_max = limits.a_max_mps2, limits.w_max_radps
         self._camera_offset = setup.camera_offset
         # Nearer than this no camera sees both edges; it keeps an absurd estimate from a division by zero.
         self._nearest = setup.los.half_width_m
@@ -143,6 +143,7 @@ class EdgeBarrier:
             lever = 1.0 + self._camera_offset * cos(then.angle) / distance
             hold.append(at_least(sin(outward), self._sin_bound) / (distance * lever))
             free.append(envelope(outward - self.bound, self.gains) / lever)
+            v = at_most(v, at_least((self._w_max + free[-1]) / hold[-1], 0.0))
             closing = v_now / at_least(edge.distance, self._nearest)
             v = at_most(v, distance * at_least(closing + self._quickening, 0.0))
         v = at_most(v, at_least((free[0] + free[1]) / (hold[0] + hold[1]), 0.0))

@@ -143,7 +143,9 @@ def recovery_time(time: Array, off: Array, episode: Mask) -> Array:
     beyond = episode & (off > RECOVERED_M)
     last = len(time) - 1 - np.argmax(beyond[::-1], axis=0)
     took = np.where(beyond.any(axis=0), time[last] - time[peak], 0.0)
-    took = np.where(beyond[-1], np.inf, took)
+    end = len(time) - 1 - np.argmax(episode[::-1], axis=0)
+    ends_beyond = np.take_along_axis(beyond, np.expand_dims(end, 0), axis=0)[0]
+    took = np.where(ends_beyond, np.inf, took)
     recovered: Array = np.where(episode.any(axis=0), took, np.nan)
     return recovered
 

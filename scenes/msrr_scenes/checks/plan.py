@@ -31,7 +31,12 @@ def plan_problems(scene: Scene) -> list[Problem]:
     if disorder or scene.coordinated:
         return disorder or list(_lock_problems(scene))
     overlap = list(_steps_at_once(scene))
-    return overlap or [*_busy_units(scene), *_busy_ports(scene), *_locked_already(scene)]
+    return overlap or [
+        *_busy_units(scene),
+        *_busy_ports(scene),
+        *_locked_already(scene),
+        *_carriers(scene),
+    ]
 
 
 def mission_problems(scene: Scene) -> list[Problem]:
@@ -130,6 +135,18 @@ def _busy_ports(scene: Scene) -> Iterator[Problem]:
             taken = f"{scene.docks[earlier].unit!r} docks to {step.to} in plan step {earlier}"
             text = f"the port is taken: {taken}; name another port"
             yield Problem(("plan", i, "to"), text)
+
+
+def _carriers(scene: Scene) -> Iterator[Problem]:
+    """Yield steps of units to which another one is docked by then."""
+    order = in_order(scene.docks)
+    for n, i in enumerate(order):
+        unit = scene.docks[i].unit
+        carried = next((scene.docks[j].unit for j in order[:n] if scene.docks[j].target_unit == unit), None)
+        if carried is not None:
+            drives = "only a unit that carries no other one drives"
+            text = f"{carried!r} is locked to {unit!r} by then, and {drives}; let {unit!r} dock before it"
+            yield Problem(("plan", i, "unit"), text)
 
 
 def _locked_already(scene: Scene) -> Iterator[Problem]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,8 +22,10 @@ from msrr_perception.estimation.los import edge_bearings
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.as_built import BuiltCamera
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import find_urdf
 from msrr_scenes.messages import GlobalPose, PoseMeasurement
 from msrr_scenes.random_streams import stream
+from msrr_scenes.specs.bodies import UnitSpec
 from msrr_scenes.specs.scene import Scene
 from msrr_scenes.specs.sensors import CameraSpec
 
@@ -152,6 +156,18 @@ def test_errors_of_the_overhead_camera_have_the_stated_sizes() -> None:
 def test_an_obstacle_without_a_tag_is_not_measured() -> None:
     poses = {**POSES, "bare": SE2(0.5, 0.5, 0.0)}
     assert all(frame.keys() == POSES.keys() for frame in overhead(scene(), poses))
+
+
+def test_a_unit_whose_roof_shows_no_tag_is_not_measured(tmp_path: Path) -> None:
+    """The markers of b are covered, that on its roof as well; c was built without one."""
+    text = find_urdf("unit.urdf").read_text()
+    roof = r'<link name="tag_top">.*?</link>\s*<joint name="tag_top_joint".*?</joint>'
+    (tmp_path / "topless.urdf").write_text(re.sub(roof, "", text, flags=re.DOTALL))
+    covered = scene(({"kind": "marker_hidden", "unit": "b"},))
+    units = {**covered.units, "c": UnitSpec(number=2, urdf=str(tmp_path / "topless.urdf"))}
+    poses = {**POSES, "c": SE2(0.5, 0.5, 0.0)}
+    frames = overhead(covered.model_copy(update={"units": units}), poses)
+    assert all(frame.keys() == {"a", "late"} for frame in frames)
 
 
 def test_errors_of_a_body_depend_neither_on_other_bodies_nor_on_lost_frames() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -10,9 +11,11 @@ import pytest
 
 from msrr_bullet.cli.app import run
 from msrr_bullet.sweep.comparison import ComparedFigure, SweepComparison, compare_sweeps
+from msrr_bullet.sweep.summarise import summarise
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_table import trials_csv
 from msrr_bullet.trial.result import TrialResult
+from msrr_bullet.trial.step_result import AssemblyFigures
 from msrr_scenes import load_scene, scene_hash
 from msrr_scenes.errors import SceneError
 from msrr_scenes.outcome import Outcome
@@ -71,6 +74,43 @@ def test_trials_are_paired_by_their_seeds(scene: Scene, tmp_path: Path) -> None:
         assert [p.difference, *p.interval] == pytest.approx([-2.0] * 3)
         assert q.is_apart
     assert not any(q.is_apart for q in _figure(found, "yaw error").quantiles)
+
+
+def _with_second_dock(result: TrialResult) -> TrialResult:
+    """Return a trial in which a second unit docks as well, 20 mm farther off the axis."""
+    (second,) = _shifted(result, 20e-3).steps
+    second = second.model_copy(update={"index": 1, "unit": "c", "target": "b.left"})
+    return result.model_copy(update={"steps": (*result.steps, second)})
+
+
+def test_of_trials_that_ended_early_the_same_steps_count(scene: Scene, tmp_path: Path) -> None:
+    """The largest of two steps was compared with that of one: whoever stopped sooner was the more precise."""
+    whole = [_with_second_dock(made_up(scene, seed)) for seed in range(0, 100, 2)]
+    early = [
+        result.model_copy(update={"steps": result.steps[:1], "outcome": Outcome.TIMEOUT}) for result in whole
+    ]
+    first, second = _table(tmp_path / "a.csv", whole), _table(tmp_path / "b.csv", early)
+    for found in (compare_sweeps(first, second), compare_sweeps(second, first)):
+        for q in _figure(found, "lateral error").quantiles:
+            assert (q.first, q.difference) == (q.second, 0.0)
+
+
+def _passing(result: TrialResult, recovery_s: float | None) -> TrialResult:
+    """Return a trial that passed an obstacle on its way."""
+    figures = AssemblyFigures(amplitude_m=0.2, recovery_s=recovery_s)
+    (step,) = result.steps
+    return result.model_copy(update={"steps": (step.model_copy(update={"assembly": figures}),)})
+
+
+def test_trials_that_never_recovered_count(scene: Scene, tmp_path: Path) -> None:
+    """They were left out, so that who got stuck at an obstacle was the quicker one."""
+    quick = [_passing(made_up(scene, seed), 2.0) for seed in range(0, 100, 2)]
+    stuck = [_passing(made_up(scene, seed), None if seed % 4 else 2.0) for seed in range(0, 100, 2)]
+    found = compare_sweeps(_table(tmp_path / "a.csv", quick), _table(tmp_path / "b.csv", stuck))
+    recovery = _figure(found, "recovery")
+    assert recovery.trials == len(quick)
+    assert (recovery.quantiles[1].first, recovery.quantiles[1].second) == (2.0, math.inf)
+    assert summarise(scene, "", stuck).steps[0].recovery_s.p95 == math.inf
 
 
 KEY = "parametric.sigma_xy_m"

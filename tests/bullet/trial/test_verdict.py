@@ -74,6 +74,15 @@ def test_what_is_true_of_steps_and_locks_contradicts_what_the_base_station_tells
     assert verdict_on_trial(ended, steps, failed_lock) == verdict
 
 
+def test_a_robot_that_a_base_station_leads_notices_that_its_lock_does_not_hold() -> None:
+    """It was on standby by then, and was never let look."""
+    models = {"perception": "parametric", "as_built": "perfect", "lock.strength_n": "22"}
+    scene = load_scene("dock_again", {**models, "radio": "{}", "plan": "[{unit: a, to: b.rear}]"})
+    (docking,) = Trial(scene, 1).run().steps
+    assert (docking.outcome, docking.belief) == (Outcome.LOCK_FAILED, "undecided")
+    assert docking.belief_reason.startswith("no longer docked: a seat switch has been open")
+
+
 def test_a_mission_whose_lock_fails_says_which(line_of_three: Path) -> None:
     """Its reason was that all tasks are done, as the base station believes."""
     fast = {"plant": "unicycle", "perception": "parametric", "as_built": "perfect", "shape": "{line: 2}"}

@@ -154,6 +154,16 @@ def test_no_wish_leads_out_of_the_cone(
         assert largest_excess(truth, lag, told, reckless=reckless) < allowed_deg
 
 
+@pytest.mark.parametrize("reckless", [False, True])
+def test_a_unit_that_may_not_turn_fast_drives_no_faster_than_it_can_turn(
+    tight: DockSetup, facts: DockSetup, reckless: bool
+) -> None:
+    """Without that bound on v edges left by 1.2 to 6.7 deg."""
+    for setup in (facts, tight):
+        slow = replace(setup, limits=setup.limits.model_copy(update={"w_max_radps": 0.5}))
+        assert largest_excess(slow, Lag(), slow, reckless=reckless) < SAMPLING_DEG
+
+
 def test_a_camera_ahead_of_the_axle_costs_a_part_of_the_margin(tight: DockSetup) -> None:
     """The port is nearer to it at contact, and the lever of the turn changes on the way."""
     ahead = replace(tight, camera_offset=0.02)

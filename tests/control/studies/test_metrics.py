@@ -107,3 +107,13 @@ def test_a_series_that_ends_at_the_obstacle_has_no_recovery() -> None:
     walled = np.broadcast_to((T >= 2.0)[:, None], off.shape)
     episode = metrics.obstacle_episode(T, off, walled)
     assert np.isinf(metrics.recovery_time(T, off, episode)).all()
+
+
+def test_a_unit_that_leaves_the_path_again_for_good_has_not_recovered() -> None:
+    """It came back for less time than counts as the end of its episode."""
+    off = np.stack([0.01 + _bump(4.0, 0.23, 0.5), 0.01 + _bump(4.0, 0.23, 0.5)], axis=-1)
+    off[T > 6.0, 1] = 0.3
+    walled = np.broadcast_to(((T >= 2.5) & (T <= 4.2))[:, None], off.shape)
+    episode = metrics.obstacle_episode(T, off, walled)
+    assert not episode[-1].any()
+    np.testing.assert_array_equal(np.isinf(metrics.recovery_time(T, off, episode)), [False, True])

@@ -35,6 +35,7 @@ def faults(*given: str) -> str:
         ({"plan": plan("a to b.rear", "a to c.rear")}, "plan.1.unit", "add `radio: {}` to the scene"),
         ({"plan": plan("a to b.rear", "a to b.rear")}, "plan.1.unit", "remove one of the steps"),
         ({"plan": plan("a to b.rear", "b to a.rear")}, "plan.1.to", "locked together by then"),
+        ({"plan": plan("a to b.rear", "b to c.rear")}, "plan.1.unit", "let 'b' dock before it"),
         ({"plan": plan("a to b.rear", "c to a.rear", "b to c.rear")}, "plan.2.to", "remove the step"),
         (
             {
