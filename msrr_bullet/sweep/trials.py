@@ -25,6 +25,7 @@ from msrr_bullet.wall_limit import check_wall_limit
 from msrr_scenes.errors import ChangedFileError, ProgramFailedError
 from msrr_scenes.loading.load import scene_hash
 from msrr_scenes.outcome import Outcome
+from msrr_scenes.own_modules import PACKAGES, digest_of
 from msrr_scenes.specs.scene import Scene
 
 _log = logging.getLogger(__name__)
@@ -80,10 +81,15 @@ def _slots(jobs: int | Callable[[], int]) -> Callable[[], int]:
 
 
 def _named(trial: TrialFunction) -> str:
-    """Return the name of a function, with the arguments that it is given beside those of a trial."""
+    """Return the name of a function, with the arguments that it is given beside those of a trial.
+
+    That of a user's own has a digest of its file, and of those that it imports, behind it.
+    """
     if isinstance(trial, partial):
         return f"{_named(trial.func)} {trial.args} {trial.keywords}"
-    return f"{trial.__module__}.{getattr(trial, '__qualname__', type(trial).__qualname__)}"
+    name = f"{trial.__module__}.{getattr(trial, '__qualname__', type(trial).__qualname__)}"
+    own = trial.__module__.partition(".")[0] not in PACKAGES
+    return f"{name} {digest_of(trial.__module__).hex()[:24]}" if own else name
 
 
 class _WantedTrials:

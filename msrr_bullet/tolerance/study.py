@@ -119,6 +119,7 @@ def tolerance_study(
         MsrrError: A scene cannot be run with any seed, or the store cannot be used.
     """
     base = as_designed_scene(scene)
+    seeds, grade_seeds = tuple(dict.fromkeys(seeds)), tuple(dict.fromkeys(grade_seeds))  # each counts once
     asking: list[Asking] = [condition_trials(base, seeds)]
     asking += [condition_trials(scene.at_grade(grade), grade_seeds) for grade in grades]
     asking += [EffectTrials(base, effect, seeds).ask() for effect in effects]

@@ -1,5 +1,6 @@
 """The fingerprint of the code covers what a scene names by import path."""
 
+import importlib
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -7,11 +8,14 @@ from types import ModuleType
 import pytest
 
 from msrr_bullet.sweep.provenance import code_fingerprint
+from msrr_bullet.sweep.sweep import run_sweep
 from msrr_bullet.sweep.trials import run_trials
 from msrr_bullet.trial.check import check_trial
 from msrr_scenes import load_scene
 from msrr_scenes.errors import ChangedFileError, SceneError
 from msrr_scenes.own_modules import import_own
+from msrr_scenes.specs.scene import Scene
+from tests.bullet.sweep.conftest import inline
 
 
 def test_the_code_of_an_own_controller_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,3 +82,25 @@ def test_a_store_refuses_a_class_that_has_no_file(tmp_path: Path, monkeypatch: p
     scene = load_scene("close_range", {"control.docking": "__main__:Law"})
     with pytest.raises(SceneError, match=r"class of '__main__' has no file.*write it to a file, or"):
         run_trials([(scene, [0])], store=tmp_path / "s.sqlite")
+
+
+def test_results_by_an_edited_trial_function_are_not_those_of_the_new_one(
+    scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The store has the result of the older one; each program imports its own."""
+    text = """
+from tests.bullet.sweep.conftest import made_up
+
+def trial(scene, seed):
+    return made_up(scene, {})
+"""
+    monkeypatch.syspath_prepend(tmp_path)
+    reused = []
+    for seed in ("seed", "seed", "seed + 0"):
+        (tmp_path / "own_trial.py").write_text(text.format(seed))
+        monkeypatch.delitem(sys.modules, "own_trial", raising=False)
+        importlib.invalidate_caches()
+        trial = importlib.import_module("own_trial").trial
+        summary = run_sweep(scene, range(2), store=tmp_path / "s.sqlite", executor=inline, trial=trial)
+        reused.append(summary.reused)
+    assert reused == [0, 2, 0]
