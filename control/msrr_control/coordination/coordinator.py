@@ -17,6 +17,7 @@ from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.mission import Mission, Patience
 from msrr_control.coordination.past_tasks import PastTasks
 from msrr_control.coordination.recall import Recall
+from msrr_control.coordination.route_release import RouteRelease
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.siting import Siting, check_shapes
 from msrr_control.coordination.task_list import TaskList
@@ -73,6 +74,7 @@ class Coordinator:
         self._past = PastTasks()
         self._watch = Watch(self._patience, setup.tolerance)
         self._states = UnitStates(self._units, self._watch)
+        self._releases = RouteRelease(self._units, self._watch, self._dispatcher)
         self._set_out(mission)
 
     def _set_out(self, mission: Mission) -> None:
@@ -194,47 +196,14 @@ class Coordinator:
 
     def _release(self, now_ns: int) -> None:
         """Take the routes from units that stand and cannot go on."""
-        quiet = self._watch.nobody_moves(self._units.values(), now_ns)
-        hindered = False
-        for unit in list(self._units.values()):
-            in_lane = self._dispatcher.ahead_in_lane(unit)
-            lost = None if unit.task is None else self._tasks.lost_base(unit.task)
-            vain = in_lane is not None or (lost is not None and self._root_is_open)
-            held = self._recall.has_stopped(unit, now_ns, vain)
-            blocker = None if unit.blocked_by is None else self._units[unit.blocked_by]
-            for_ever = blocker is not None and not blocker.under_way
-            stuck = self._watch.waits(unit) and (lost is not None or for_ever or quiet)
-            if not held and not stuck:
-                continue
-            if in_lane is not None:
-                why = f"{in_lane} stands in the lane to its port"
-            elif lost is not None:
-                why = f"{lost} is open again"
-            else:
-                held_at = f"was held {unit.progress:.2f} m along its way"
-                why = held_at if held else f"waited for {unit.blocked_by}"
-            if unit.task is not None:
-                self._tasks.reopen(unit.task)
-            unit.stand(now_ns, why)
-            unit.held = held and not vain
-            if unit.holder is None:
-                unit.stand_down()
-            elif held:
-                unit.track = None  # its authority must not be renewed: it reaches further than the unit came
-            self._changed = True
-            self._watch.restart(now_ns)
-            # What a unit loses its route for by another task was counted then: many may wait for one task.
-            hindered |= lost is None
-        if hindered:
+        released = self._releases.step(self._recall, self._tasks, self._root_is_open, now_ns)
+        self._changed |= released.any
+        if released.hindered:
             self._plan_anew(now_ns)
 
     @property
     def _root_is_open(self) -> bool:
-        """Whether the unit that was to be the root of the shape has missed its place, or has failed.
-
-        All others are on the way to where it was to stand, and it gets no route through what they have still
-        to drive. They are stopped at once, so that it need not wait until they have come as far as they may.
-        """
+        """Whether the unit that was to be the root of the shape has missed its place, or has failed."""
         shape = self._mission.shape
         return shape is not None and shape.root.name in self._tasks.names(TaskState.OPEN)
 
