@@ -24,6 +24,9 @@ from msrr_scenes.messages.coordination import UnitState
 #: may have left it unheard, or never have come there.
 _APART_M, _APART_RAD = 0.1, 0.2
 
+#: Distance between the bodies that stand for the rest of a way on which a unit may still drive [m].
+_SPACING_M = 0.1
+
 _ITERATIONS = 3
 
 
@@ -46,12 +49,20 @@ def locate(units: Mapping[str, UnitRecord], body: Body) -> None:
             unit.seat = X_WE if is_same_place(X_WE, unit.track.end) else None
 
 
-def standing_unit(unit: UnitRecord, units: Collection[UnitRecord]) -> Standing:
-    """Return the body of a unit for the planning of another one: at the end of its route, or where it is."""
+def standing_bodies(unit: UnitRecord, units: Collection[UnitRecord]) -> list[Standing]:
+    """Return the bodies of a unit for the planning of another one: at the end of its route, or where it is.
+
+    One that may go on by itself is everywhere on the rest of its way, too.
+    """
     if unit.under_way:
-        return Standing(unit.name, unit.destination, unit.enters is not None)
+        return [Standing(unit.name, unit.destination, unit.enters is not None)]
     holds = any(unit.name == port[0] for other in units for port in other.docks)
-    return Standing(unit.name, unit.pose, holds or bool(unit.docks) or unit.state is UnitState.DOCKED)
+    at_port = holds or bool(unit.docks) or unit.state is UnitState.DOCKED
+    bodies = [Standing(unit.name, unit.pose, at_port)]
+    if unit.may_go_on and unit.track is not None:
+        rest = np.arange(unit.track.length, unit.passed, -_SPACING_M)
+        bodies += [Standing(unit.name, unit.track.at(float(s)), at_port) for s in rest]
+    return bodies
 
 
 def is_same_place(X_WA: SE2, X_WB: SE2) -> bool:

@@ -16,6 +16,10 @@ from msrr_scenes.arrays import Array
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages.coordination import UnitState
 
+#: Time by which a way counts as longer for each time that the unit has missed the end of the task [s]: what
+#: misleads it there may mislead it again, and another unit takes that place if there is one.
+_MISSED_S = 20.0
+
 
 class Assigner:
     """Assigns units to tasks by the estimated times of their ways.
@@ -51,8 +55,9 @@ class Assigner:
             free.sort(key=lambda task: task.name in closed)
         free = free[: len(idle)]
         names = {unit.name for unit in idle}
-        if all(self.wanted.get(task.name) in names for task in free):
-            return result | {task.name: self.wanted[task.name] for task in free}
+        wanted = {task.name: self.wanted.get(task.name) for task in free}
+        if all(unit in names and not tasks.misses(task, str(unit)) for task, unit in wanted.items()):
+            return result | {task: str(unit) for task, unit in wanted.items()}
         costs = self.costs(idle, free, tasks)
         pairs, _ = assign(costs)
         return result | {free[p].name: idle[u].name for u, p in pairs}
@@ -75,4 +80,6 @@ class Assigner:
         """Return the estimated times of the ways of units to the ends of some tasks, (units, tasks) [s]."""
         poses = [self._ends.pose_of(task, tasks) or SE2() for task in free]
         places = np.array([X.as_array() for X in poses])
-        return place_costs(np.array([unit.pose.as_array() for unit in units]), places, self._travel)
+        misses = np.array([[tasks.misses(task.name, unit.name) for task in free] for unit in units])
+        ways = place_costs(np.array([unit.pose.as_array() for unit in units]), places, self._travel)
+        return ways + _MISSED_S * misses

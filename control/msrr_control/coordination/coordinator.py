@@ -70,7 +70,7 @@ class Coordinator:
         self._tried_ns: int | None = None
         self._hopeless_ns: int | None = None
         self._sited_ns: int | None = None  # when there was no site without units that may be found
-        self._replans = self._most_replans = 0
+        self._replans = self._most_replans = 0  # how often routes were planned anew, and may be by now
         self._past = PastTasks()
         self._watch = Watch(self._patience, setup.tolerance)
         self._states = UnitStates(self._units, self._watch)
@@ -80,12 +80,18 @@ class Coordinator:
     def _set_out(self, mission: Mission) -> None:
         """Begin a mission, or the next one of several."""
         self._mission, self._siting = mission, Siting(mission, self._setup)
-        self._recall = Recall(self._patience)  # what held units in the shape before need not hold them here
+        self._recall = Recall(self._patience)
         self._reason, self._tasks = "waits for the first sight of the units", TaskList(())
         for unit in self._units.values():
-            unit.task, unit.evasions = None, 0
+            unit.task = None
+        self._advance()
+
+    def _advance(self) -> None:
+        """Begin to count anew what went wrong: what is left to do may need other ways."""
         self._changed = True
-        self._most_replans += self._patience.replans
+        self._most_replans = self._replans + self._patience.replans
+        for unit in self._units.values():
+            unit.evasions = unit.recalls = 0
 
     def receive(self, report: UnitReport, now_ns: int) -> None:
         """Take in a report that arrived over the radio."""
@@ -110,7 +116,10 @@ class Coordinator:
             self._watch.restart(now_ns)
             self._watch.advance(now_ns)
         if self._state is MissionState.RUNNING:
+            done = self._tasks.advance
             changed, missed = self._states.update(self._tasks, now_ns)
+            if self._tasks.advance > done:
+                self._advance()
             locate(self._units, self._setup.lanes.body)
             self._changed |= changed
             for _ in range(missed):

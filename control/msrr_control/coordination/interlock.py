@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from msrr_control.coordination.assemblies import is_same_place, standing_unit
+from msrr_control.coordination.assemblies import is_same_place, standing_bodies
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.shapes.bodies import Body
 from msrr_control.tracks.gaps import needed
@@ -85,9 +85,10 @@ class Interlock:
                 return track.length
             key = (other.name, -other.still_ns, unit.name, unit.route)
             if key not in self._needed:
-                body = standing_unit(other, self._units.values())
-                there = standing(body.X_WB, body.at_port)
-                self._needed[key] = needed(there, self._to_port(unit), self._body)
+                later = self._to_port(unit)
+                bodies = standing_bodies(other, self._units.values())
+                each = [needed(standing(body.X_WB, body.at_port), later, self._body) for body in bodies]
+                self._needed[key] = np.max(each, axis=0)
             clear = np.isneginf(self._needed[key])
         else:
             return track.length

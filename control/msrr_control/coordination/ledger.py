@@ -60,6 +60,7 @@ class UnitRecord:
         fastest_mps: Speed that it does not exceed [m/s].
         held: Whether its collision monitor has held it where it stands.
         evasions: How often it was sent out of the way since the mission has advanced.
+        recalls: How often it was given another route since then because its collision monitor held it.
         reason: Why it is in that state, in words.
     """
 
@@ -92,6 +93,7 @@ class UnitRecord:
     fastest_mps: float = math.inf
     held: bool = False
     evasions: int = 0
+    recalls: int = 0
     reason: str = ""
 
     @property
@@ -119,6 +121,15 @@ class UnitRecord:
     def _may_enter(self) -> bool:
         """Whether the unit was allowed into the port at which its route ends."""
         return self.track is not None and self.limit > self.track.dock_start + 1e-9
+
+    @property
+    def may_go_on(self) -> bool:
+        """Whether the unit is lost unheard, and may be in its dock leg, which it drives to the end by itself.
+
+        It is so until it is heard or seen to have stopped. Meanwhile its way and its port are kept for it.
+        """
+        lost = self.state is UnitState.LOST and not self.says_lost
+        return lost and self.enters is not None and self._may_enter
 
     @property
     def passed(self) -> float:
@@ -236,15 +247,16 @@ class UnitRecord:
         return self.seat or self.track.end
 
     @property
-    def docks(self) -> tuple[tuple[str, str], ...]:
-        """Unit and port that the unit is locked to, and those at which its route ends.
+    def resting_places(self) -> tuple[SE2, ...]:
+        """Where the unit stands or will stand: of one that may go on by itself, both."""
+        if self.may_go_on and self.track is not None:
+            return self.pose, self.track.end
+        return (self.destination,)
 
-        One that is not heard may have gone on into a port that it had been allowed into, until it is seen to
-        have stopped short of it.
-        """
-        unheard = self.state is UnitState.LOST and not self.says_lost
-        goes_on = self.under_way or (unheard and self._may_enter)
-        ports = dict.fromkeys((self.holder, self.enters if goes_on else None))
+    @property
+    def docks(self) -> tuple[tuple[str, str], ...]:
+        """Unit and port that the unit is locked to, and those at which its route ends or may have ended."""
+        ports = dict.fromkeys((self.holder, self.enters if self.under_way or self.may_go_on else None))
         return tuple(port for port in ports if port is not None)
 
     def authority(self, units: Iterable[UnitRecord], now_ns: int, expires_ns: int) -> Authority:

@@ -25,14 +25,14 @@ class Patience:
         silent_s: Time since the newest report from which on no such time is counted.
         unheard_s: Time without a report after which a unit under way on free ground counts as lost.
         held_s: Time for which a unit says that it stands on free ground after which it gets another route.
-        recalls: How often a unit gets another route for that.
+        recalls: How often a unit gets another route for that before another task is done.
         lost_s: Time without progress on free ground after which a unit counts as failed, and time for which
             tasks that nobody else can do wait for a unit that is lost, or was never seen, and a shape for the
             first sight of its root.
-        dock_s: Time without progress or without a report in the dock leg, in which a unit may try more than
-            once, after which it counts as failed or as lost.
+        dock_s: Time in the dock leg for which a unit stands without progress after which it counts as failed,
+            and without a report after which it counts as lost. It may try more than once meanwhile.
         hopeless_s: Time without a route for anybody after which a task is given up.
-        replans: Largest number of times that routes are planned anew.
+        replans: Largest number of times that routes are planned anew before another task is done.
     """
 
     rate_hz: float = 5.0

@@ -22,7 +22,6 @@ class Recall:
         """Begin with nobody recalled."""
         self._patience = patience
         self._since_ns: dict[tuple[str, int], int] = {}  # from when on nothing is sent, by unit and route
-        self._times: dict[str, int] = {}  # how often a unit that was held has stopped
 
     def is_recalled(self, unit: UnitRecord) -> bool:
         """Return whether a unit is to be sent no authority."""
@@ -41,7 +40,7 @@ class Recall:
         key = unit.name, unit.route
         since_ns = self._since_ns.get(key)
         if since_ns is None:
-            held = self._is_held(unit, now_ns) and self._times.get(unit.name, 0) < self._patience.recalls
+            held = self._is_held(unit, now_ns) and unit.recalls < self._patience.recalls
             if held or (in_vain and unit.under_way):
                 self._since_ns[key] = now_ns
             return False
@@ -55,7 +54,7 @@ class Recall:
             return False
         del self._since_ns[key]
         if not in_vain:  # whatever holds units would hold them on each further route as well
-            self._times[unit.name] = self._times.get(unit.name, 0) + 1
+            unit.recalls += 1
         return True
 
     def _is_held(self, unit: UnitRecord, now_ns: int) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from msrr_control.coordination.assemblies import standing_unit
+from msrr_control.coordination.assemblies import standing_bodies
 from msrr_control.coordination.interlock import Interlock, clear_of_tracks
 from msrr_control.coordination.ledger import UnitRecord
 from msrr_control.coordination.setup import CoordinationSetup
@@ -57,7 +57,7 @@ class RouteGrants:
         return RouteRequest(
             unit.pose,
             X_WE,
-            [standing_unit(other, units) for other in others],
+            [body for other in others for body in standing_bodies(other, units)],
             self._ends.obstacles,
             dock=enters is not None,
             leaves=None if unit.holder is None else unit.holder[0],

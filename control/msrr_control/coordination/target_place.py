@@ -71,8 +71,8 @@ def _keep_out(
     units: Iterable[UnitRecord], obstacles: Iterable[ObstacleEstimate], setup: CoordinationSetup
 ) -> list[tuple[float, float, float]]:
     """Return the circles about units, where they stand or will stand, and about obstacles."""
-    seen = [unit.destination for unit in units if unit.X_WU is not None]
-    circles = [(X.x, X.y, setup.lanes.body.radius) for X in seen]
+    seen = [unit for unit in units if unit.X_WU is not None]
+    circles = [(X.x, X.y, setup.lanes.body.radius) for unit in seen for X in unit.resting_places]
     return circles + [(obstacle.X_WB.x, obstacle.X_WB.y, obstacle.radius) for obstacle in obstacles]
 
 

@@ -57,16 +57,16 @@ class TaskEnds:
     def closing(self, X_WE: SE2, unit: str, port: tuple[str, str]) -> list[str]:
         """Return who stands or will stand in the lane of the pose ``X_WE`` of a unit docked to a port."""
         others = [u for u in self._units.values() if u.X_WU is not None and u.name not in (unit, port[0])]
-        poses = np.array([other.destination.as_array() for other in others]).reshape(-1, 3)
-        closes = self._lanes.closes(X_WE, poses)
-        return [other.name for other, does in zip(others, closes, strict=True) if does]
+        rests = [(other.name, X.as_array()) for other in others for X in other.resting_places]
+        closes = self._lanes.closes(X_WE, np.array([X for _, X in rests]).reshape(-1, 3))
+        return list(dict.fromkeys(name for (name, _), does in zip(rests, closes, strict=True) if does))
 
     def stays_closed(self, X_WE: SE2) -> bool:
         """Return whether an obstacle, or a unit out of action, stands in the lane of a docked pose."""
         if self._lanes.obstacle_in(X_WE, self.obstacles) is not None:
             return True
-        out = [u.pose for u in self._units.values() if u.out_of_action and u.X_WU is not None]
-        return any(self._lanes.closed_by(X_WE, X_WB) for X_WB in out)
+        out = [u for u in self._units.values() if u.out_of_action and u.X_WU is not None]
+        return any(self._lanes.closed_by(X_WE, X_WB) for unit in out for X_WB in unit.resting_places)
 
     def lanes_of(self, task: Task, tasks: TaskList, assigned: str | None) -> list[SE2]:
         """Return the poses whose lanes a task needs: that of its end, and that of a port which is left."""

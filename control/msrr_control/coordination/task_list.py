@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 from msrr_control.shapes.tasks import Task, TaskState
@@ -18,6 +19,7 @@ class TaskList:
         self.by_name = {task.name: task for task in tasks}
         self._states = {task.name: TaskState.OPEN for task in tasks}
         self._failures = {task.name: 0 for task in tasks}
+        self._misses: Counter[tuple[str, str]] = Counter()
         self.reasons: dict[str, str] = {}
         self._done: set[str] = set()  # also those that were undone since
         self._hopeless: set[str] = set()  # given up because nobody could do them then, or with one of those
@@ -53,17 +55,29 @@ class TaskList:
         """Note that a unit has a route for the task."""
         self._states[name] = TaskState.GRANTED
 
-    def finish(self, name: str) -> bool:
-        """Note that the task is done, and return whether it is for the first time."""
+    def finish(self, name: str) -> None:
+        """Note that the task is done."""
         self._states[name] = TaskState.DONE
-        first = name not in self._done
         self._done.add(name)
-        return first
+
+    @property
+    def advance(self) -> int:
+        """How many tasks have been done; one that was undone and done again counts once."""
+        return len(self._done)
 
     def reopen(self, name: str) -> None:
         """Note that the unit has lost its route for the task."""
         if self._states[name] is TaskState.GRANTED:
             self._states[name] = TaskState.OPEN
+
+    def miss(self, name: str, unit: str) -> None:
+        """Note that a unit has driven its route for the task and does not stand where it should."""
+        self.reopen(name)
+        self._misses[name, unit] += 1
+
+    def misses(self, name: str, unit: str) -> int:
+        """Return how often a unit has missed where a task ends."""
+        return self._misses[name, unit]
 
     def undo(self, name: str) -> None:
         """Note that the unit of a task that was done is not where it led any more; it is open again."""

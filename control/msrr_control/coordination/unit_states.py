@@ -65,13 +65,13 @@ class UnitStates:
         if task is None or tasks.state(task.name) is not TaskState.GRANTED:
             unit.stand(now_ns, unit.reason)
         elif task.kind is TaskKind.MOVE and not self._watch.is_at_end(unit):
-            tasks.reopen(task.name)
+            tasks.miss(task.name, unit.name)
             unit.stand(now_ns, "did not end where it should")
             return False
+        elif task.kind is TaskKind.UNDOCK and self._watch.has_not_left(unit):
+            _fail(unit, "says that it has left its port, and is seen there", tasks, now_ns)
         else:
-            if tasks.finish(task.name):  # the mission advances, and what is left may need other ways
-                for other in self._units.values():
-                    other.evasions = 0
+            tasks.finish(task.name)
             stays = task.stays or task.kind is TaskKind.DOCK
             unit.stand(now_ns, "", UnitState.DOCKED if stays else UnitState.IDLE)
         return True

@@ -40,7 +40,7 @@ def waiting_places(
     keep: list[Array] = [X_WE.act(lane) for X_WE in docked]
     for unit in units:
         keep.append(unit.pose.translation[None])
-        if unit.under_way and unit.track is not None:
+        if (unit.under_way or unit.may_go_on) and unit.track is not None:
             keep.append(unit.track.poses[:, :2])
     taken = np.concatenate(keep) if keep else np.zeros((0, 2))
     apart = np.hypot(*np.moveaxis(points[:, None] - taken[None], -1, 0)).min(axis=1, initial=math.inf)

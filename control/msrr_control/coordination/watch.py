@@ -51,6 +51,14 @@ class Watch:
             return True  # nobody saw where it stands: its own word has to do
         return self._tolerance.holds(unit.track.end.inverse() @ unit.pose)
 
+    def has_not_left(self, unit: UnitRecord) -> bool:
+        """Return whether a unit that backs out of a port, and no farther, is seen nearer to where it was."""
+        assert unit.track is not None
+        if unit.seen_ns < unit.moved_ns:
+            return False  # nobody saw where it stands: its own word has to do
+        x, y, _ = unit.track.poses[0].tolist()
+        return math.hypot(unit.pose.x - x, unit.pose.y - y) < 0.5 * unit.track.length
+
     def silence(self, unit: UnitRecord, now_ns: int) -> str | None:
         """Return for how long a unit under way was not heard, None if that is not too long.
 
@@ -109,8 +117,11 @@ class Watch:
         # there without having arrived because its authority has expired, and it hears nothing.
         at_limit = unit.limit <= unit.progress + SAME_M
         ends = unit.enters is None and unit.track is not None and unit.limit >= unit.track.length - 1e-9
-        idles = unit.in_dock_leg and unit.report is not None and not unit.report.stopping
-        if (at_limit and not idles and not ends) or self._unheard_s(unit, now_ns) > self._patience.silent_s:
+        moves = unit.report is not None and bool(unit.report.stopping)
+        waits = at_limit and not ends and (moves or unit.report is None or not unit.in_dock_leg)
+        if self._docks(unit) and moves:
+            unit.patient_ns = now_ns  # it backs off or comes again: it ends that by itself, and tells of it
+        elif waits or self._unheard_s(unit, now_ns) > self._patience.silent_s:
             unit.patient_ns += now_ns - self._previous_ns
         wait = self._patience.dock_s if self._docks(unit) else self._patience.lost_s
         if seconds(now_ns - unit.patient_ns) > wait:

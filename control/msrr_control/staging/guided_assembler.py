@@ -239,7 +239,7 @@ class GuidedAssembler(Generic[State]):
         if self._has_waited(allowed, now) and self._rests(observation):
             return STILL  # the law would creep after the noise of the estimate for as long as the unit waits
         if share == 0.0:
-            follower.hold(arena.X_WU, observation.twist)
+            follower.hold(arena.X_WU, observation.twist, now)
         twist = follower.step(arena, follower.s, (share or 1.0) * self._dt, limit=allowed)
         self._asked = twist
         lag = math.dist(follower.tip(arena.X_WU), follower.position)

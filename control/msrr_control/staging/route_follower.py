@@ -84,9 +84,13 @@ class RouteFollower(Generic[State]):
         self._start_law(X_WU, twist, self.s)
         self._furthest = (self.s, now_ns)
 
-    def hold(self, X_WU: SE2, twist: Twist) -> None:
-        """Let the law begin from rest where the unit is held: it must not go on without the unit."""
+    def hold(self, X_WU: SE2, twist: Twist, now_ns: int) -> None:
+        """Let the law begin from rest where the unit is held: it must not go on without the unit.
+
+        Time in which the unit is held is none in which it makes no progress.
+        """
         self._start_law(X_WU, twist, self.s)
+        self._furthest = (self._furthest[0], now_ns)
 
     def _start_law(self, X_WU: SE2, twist: Twist, s: float) -> None:
         self._state = self._law.start(X_WU.as_array(), np.array([twist.v, twist.w]), s)

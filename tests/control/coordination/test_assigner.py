@@ -51,6 +51,21 @@ def test_whoever_stands_free_and_has_been_seen_may_take_any_task(setup: Coordina
     assert _assigner(setup, UnitRecord("unseen"), *others, hangs, free).idle() == [free]
 
 
+def test_a_unit_that_has_missed_a_place_gets_it_again_after_the_others(setup: CoordinationSetup) -> None:
+    """Also where the choice of the site had wanted it there."""
+    near, far = UnitRecord("near", SE2(-1.2, 0.0, 0.0)), UnitRecord("far", SE2(-1.5, 1.0, 3.0))
+    assigner, tasks = _assigner(setup, near, far), TaskList([ROOT])
+    assigner.wanted = {"r": "near"}
+    assert assigner.assignment(tasks) == {"r": "near"}
+    tasks.grant("r")
+    tasks.miss("r", "near")
+    assert assigner.assignment(tasks) == {"r": "far"}
+    tasks.grant("r")
+    tasks.miss("r", "far")
+    assert assigner.assignment(tasks) == {"r": "near"}
+    assert _assigner(setup, near).assignment(tasks) == {"r": "near"}
+
+
 def test_the_unit_that_a_task_names_gets_that_one_and_no_other(setup: CoordinationSetup) -> None:
     """Although it stands at the end of the other one, too."""
     near, far = UnitRecord("near", SE2(1.0, 0.0, 0.0)), UnitRecord("far", SE2(-1.5, 1.0, 0.0))

@@ -618,7 +618,7 @@ def test_a_unit_that_was_held_often_in_one_shape_gets_another_route_in_the_next(
     run = rig(Mission(line, name="line", then=Mission(tee, name="tee")), starts(1, 4))
     while run.now_ns < 400e9 and run.status.shape == "line":
         for name, unit in run.units.items():
-            recalled = run.coordinator._recall._times.get(name, 0)
+            recalled = run.coordinator._units[name].recalls
             unit.held_routes = 99 if recalled < Patience().recalls else 0
         run.step()
     for unit in run.units.values():

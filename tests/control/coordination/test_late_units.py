@@ -133,3 +133,77 @@ def test_a_unit_makes_way_as_often_as_a_long_plan_needs(rig: type[Rig]) -> None:
     run = rig(Mission(steps=plan), {"a": SE2(1.2, 0.5, 2.0), "b": SE2()})
     status = run.run(900.0)
     assert status.state is MissionState.COMPLETE, status.reason
+
+
+@pytest.mark.parametrize("errs", ["held", "slips"])
+def test_what_goes_wrong_once_on_the_way_of_each_step_does_not_end_a_long_plan(
+    errs: str, rig: type[Rig]
+) -> None:
+    """The third route that was held, and the thirteenth that ended elsewhere, failed in the last step."""
+    count = {"held": 3, "slips": 14}[errs]
+    steps = [_move("a", SE2([1.2, -1.2][k % 2], [0.6, -0.6][k % 2], 0.0), f"m{k}") for k in range(count)]
+    run, begun, first = rig(Mission(steps=steps), {"a": SE2(-1.2, -0.6, 0.0)}), 0, 0
+    a, known = run.units["a"], run.coordinator._units["a"]
+    while run.now_ns < 900e9 and run.status.state is MissionState.RUNNING:
+        run.step()
+        if known.task == f"m{begun}" and known.under_way:
+            begun, first = begun + 1, known.route
+            a.held_routes, a.slips_m = (known.route, 0.0) if errs == "held" else (0, 0.1)
+        elif a.route > first:
+            a.held_routes, a.slips_m = 0, 0.0
+    assert run.status.state is MissionState.COMPLETE, run.status.reason
+    assert run.status.replans >= count
+
+
+def test_a_unit_that_misses_the_place_of_the_root_each_time_is_replaced(
+    rig: type[Rig], starts: Starts
+) -> None:
+    """It was sent there until the mission ended, while two others stood free."""
+    run = rig(Mission(shape=build_pattern("line", 3)), starts(0, 5))
+    wanted = None
+    while run.now_ns < 400e9 and run.status.state is MissionState.RUNNING:
+        run.step()
+        if wanted is None and (wanted := run.coordinator._dispatcher.assigner.wanted.get("p0")):
+            run.units[wanted].slips_m = 0.05
+    assert run.status.state is MissionState.COMPLETE, run.status.reason
+    assert next(u.unit for u in run.status.units if u.task == "p0" and u.state is UnitState.DOCKED) != wanted
+
+
+@pytest.mark.parametrize("last", [False, True])
+def test_the_way_of_a_unit_that_is_lost_in_its_dock_leg_is_kept_for_it(last: bool, rig: type[Rig]) -> None:
+    """It comes again unheard, 40 s after it was lost; another one had been let before the port by then.
+
+    That one goes about until the first is lost, and drives in between only if ``last`` says so.
+    """
+    X_WB = SE2(0.8, 0.0, 0.0)
+    steps: list[PlanStep] = [DockStep(unit="a", to="b.rear", name="dock", after=())]
+    label: tuple[str, ...] = ()
+    for k in range(10 if last else 12):
+        pose = PoseSpec(x_m=-1.5, y_m=[-1.2, 1.2][k % 2])
+        steps.append(MoveStep(move="c", name=f"m{k}", after=label, pose=pose))
+        label = (f"m{k}",)
+    if last:
+        before = rig(Mission(), {}).setup.lanes.body.docked(X_WB, "rear") @ SE2(-0.15, 0.0, 0.0)
+        pose = PoseSpec(x_m=before.x, y_m=before.y, yaw_deg=90.0)
+        steps.append(MoveStep(move="c", name="last", after=label, pose=pose))
+    radio = RadioSpec.model_validate({"silences": [{"from_s": 12.0, "until_s": 1000.0, "units": ["a"]}]})
+    starts = {"a": SE2(-0.6, 0.0, 0.0), "b": X_WB, "c": SE2(-1.5, 1.2, 0.0)}
+    run = rig(Mission(steps=steps), starts, radio=radio)
+    run.units["a"].misses, run.units["a"].looks_s = 1, 190.0
+    lost = False
+    while run.now_ns < 230e9:
+        run.step()
+        lost |= run.coordinator._units["a"].state is UnitState.LOST
+    assert lost
+    assert run.units["a"].holder == "b.rear", "it has docked, and touched nobody"
+
+
+def test_two_searches_that_are_long_together_are_no_failure(rig: type[Rig], starts: Starts) -> None:
+    """The unit counted as failed after 150 s, went on, and met the one that had been given its port."""
+    run = rig(Mission(shape=build_pattern("line", 2)), starts(0, 3))
+    while (docks := next((u.unit for u in run.status.units if u.task == "p1"), None)) is None:
+        run.step()
+    run.units[docks].misses, run.units[docks].looks_s = 2, 80.0
+    status = run.run()
+    assert status.state is MissionState.COMPLETE, status.reason
+    assert docks in run.joints

@@ -120,15 +120,17 @@ def test_one_whose_lane_is_closed_is_recalled_as_it_drives() -> None:
 @pytest.mark.parametrize("recalls", [0, 1, 3])
 def test_a_unit_that_is_held_is_recalled_so_often_and_then_no_more(recalls: int) -> None:
     """Those whose lane is closed, or whose target is elsewhere, are another matter, and do not count."""
-    recall, now_s = Recall(replace(PATIENCE, recalls=recalls)), LONG_S
+    recall, now_s, counted = Recall(replace(PATIENCE, recalls=recalls)), LONG_S, 0
 
     def stops(lane_closed: bool) -> bool:
-        nonlocal now_s
+        nonlocal now_s, counted
         unit = _held(now_s)
+        unit.recalls = counted
         _stops(recall, unit, now_s, lane_closed)
         now_s += PATIENCE.expires_s + 0.1
         _hear(unit, now_s)
-        return _stops(recall, unit, now_s, lane_closed)
+        stopped, counted = _stops(recall, unit, now_s, lane_closed), unit.recalls
+        return stopped
 
     assert all(stops(lane_closed=True) for _ in range(recalls + 1))
     times = [stops(lane_closed=False) for _ in range(recalls + 2)]

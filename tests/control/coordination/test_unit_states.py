@@ -74,6 +74,36 @@ def test_a_unit_that_misses_the_end_of_a_move_has_not_done_it() -> None:
         assert unit.reason == ("did not end where it should" if missed else "")
 
 
+def test_who_missed_the_end_of_a_task_is_known() -> None:
+    unit, tasks = _unit(UnitMode.STANDING), _tasks()
+    unit.X_WU = unit.pose @ SE2(0.0, 0.1, 0.0)
+    _update(unit, tasks, NOW_S + PATIENCE.unseen_s)
+    assert (tasks.misses("t", "a"), tasks.misses("t", "b")) == (1, 0)
+
+
+@pytest.mark.parametrize(
+    ("driven", "seen_s", "state"),
+    [
+        (0.0, NOW_S, UnitState.FAILED),
+        (0.4, NOW_S, UnitState.FAILED),
+        (0.6, NOW_S, UnitState.IDLE),
+        (0.0, NOW_S - 0.1, UnitState.IDLE),  # nobody saw where it stands
+    ],
+)
+def test_a_unit_that_is_seen_in_the_port_that_it_says_it_has_left_has_failed(
+    driven: float, seen_s: float, state: UnitState
+) -> None:
+    """Its task was done by its word alone."""
+    builder = TrackBuilder(SE2(), 0.1)
+    builder.back(0.5)
+    unit, tasks = _unit(UnitMode.STANDING), _tasks(TaskKind.UNDOCK)
+    unit.track, unit.X_WU = builder.track(), SE2(-0.5 * driven, 0.0, 0.0)
+    unit.seen_ns = round(seen_s * S)
+    assert _update(unit, tasks, NOW_S + PATIENCE.unseen_s) == Changes(True, 0)
+    assert unit.state is state
+    assert tasks.state("t") is (TaskState.DONE if state is UnitState.IDLE else TaskState.OPEN)
+
+
 @pytest.mark.parametrize("task", ["t", None])
 def test_a_unit_without_a_task_only_stands_where_it_has_come_to(task: str | None) -> None:
     """It makes way, or its task is open again."""

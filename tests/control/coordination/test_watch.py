@@ -116,6 +116,7 @@ def _under_way(progress: float, limit: float, mode: UnitMode = UnitMode.STANDING
         (1.2, END, False, True, PATIENCE.dock_s),
         (END, END, False, True, PATIENCE.dock_s),
         (END, END, True, True, math.inf),  # it tries again
+        (1.2, END, True, True, math.inf),  # and has not come to the port before
     ],
 )
 def test_a_unit_fails_that_could_go_on_and_does_not(
@@ -134,6 +135,22 @@ def test_a_unit_fails_that_could_go_on_and_does_not(
             break
         watch.advance(now_ns)
     assert failed_s == fails_s + (0.0 if math.isinf(fails_s) else STEP_S)
+
+
+def test_a_unit_that_looks_for_its_port_between_attempts_has_as_long_each_time() -> None:
+    """It counted as failed by the time of all its searches together."""
+    unit, watch, now_s = _under_way(END, END), Watch(PATIENCE), 0.0
+    unit.enters = ("b", "rear")
+    for looks_s in (0.9 * PATIENCE.dock_s, 0.9 * PATIENCE.dock_s, 1.1 * PATIENCE.dock_s):
+        told = []
+        for k in range(round((looks_s + 5.0) / STEP_S)):
+            now_s += STEP_S
+            unit.heard_ns = round(now_s * S)
+            stopping = ((0.0, 0.0, 0.0),) if k * STEP_S < 5.0 else ()
+            unit.report = UnitReport("a", unit.heard_ns, 1, 1, END, UnitMode.DOCKING, None, stopping=stopping)
+            told.append(watch.stagnation(unit, unit.heard_ns))
+            watch.advance(unit.heard_ns)
+        assert any(told) is (looks_s > PATIENCE.dock_s)
 
 
 def test_who_waits_has_come_to_rest_at_its_limit_or_may_not_begin() -> None:

@@ -381,6 +381,28 @@ def test_a_unit_that_the_collision_monitor_holds_or_slows_stays_on_its_path(pass
 
 
 @pytest.mark.parametrize("name", ["c1", "c2"])
+def test_a_unit_that_is_held_before_the_end_of_a_leg_has_not_covered_it(name: str) -> None:
+    """After a while it counted as at rest there, and others were let onto ground that it needed."""
+    setup = replace(setup_of("a", ("b",)), target=None, X_TD=None)
+    unit = Unit("a", SE2(), build_guided(Choice(name=name), setup, REACTION_S))
+    ahead = RouteLeg(LegKind.PATH, (0.0, 0.0, 0.0), (0.0,), (1.2,), 0.0, 1.2 - setup.offset)
+    turn = RouteLeg(LegKind.TURN, (ahead.end, 0.0, 0.0), (), (), 1.0, ahead.end + setup.offset)
+    message = Authority("a", 1, 1, 0, 3_000_000_000, turn.end, (ahead, turn), None, False)
+    now_ns = 0
+    while unit.X_WU.x < ahead.end - 0.06:
+        now_ns = follow(unit, message, turn.end, 0.1, now_ns)
+    unit.passes = 0.0
+    for _ in range(60):
+        now_ns = follow(unit, message, turn.end, 1.0, now_ns)
+        assert unit.assembler.covered < unit.X_WU.x + 0.005
+    assert unit.X_WU.yaw == pytest.approx(0.0, abs=0.05)
+    unit.passes = 1.0
+    follow(unit, message, turn.end, 20.0, now_ns)
+    assert unit.assembler.finished
+    assert ahead.end - 0.02 < unit.X_WU.x < ahead.end + 0.01
+
+
+@pytest.mark.parametrize("name", ["c1", "c2"])
 def test_beside_an_obstacle_it_stays_on_the_ground_that_was_granted(name: str) -> None:
     """The potential of c2 pushed it 90 mm off its route, towards a unit that stood beside that."""
     setup = replace(setup_of("a", ("b",)), target=None, X_TD=None)
