@@ -156,7 +156,8 @@ class CornerEkf:
         """Expect that another unit may push the target: what the wheels tell between is not all that moves.
 
         Otherwise what moves it would be taken for errors of calibration and of the wheels, which stay.
-        Measurements that were exposed between and have been added before do not change.
+        Measurements that were exposed between and have been added before change only if others that arrive
+        late have them processed again.
         """
         pushed = self._step.pushed_ns
         if pushed and pushed[-1][1] >= from_ns:
@@ -210,6 +211,12 @@ class CornerEkf:
         known = self._step.known.mean[:DRIVE_SIZE] if state is None else state.mean[POSE_SIZE:_DRIVE_END]
         (left, right, track), (by_left, by_right, by_track) = known.tolist(), self._motion.in_motion
         return by_left * left, by_right * right, by_track * track
+
+    @property
+    def clock_ahead_s(self) -> float:
+        """By how much the clock of the camera is ahead, as far as that is known [s]."""
+        column, state = self.target.filter_layout.clock, self._history.newest
+        return 0.0 if column is None or state is None else float(state.mean[column])
 
     @property
     def exposures(self) -> ExposureCounts:

@@ -13,7 +13,7 @@ import numpy as np
 
 from msrr_perception.estimation.chi_squared import chi_squared_quantile
 from msrr_perception.estimation.clock_parts import by_parts, in_doubt
-from msrr_perception.estimation.first_fit import FirstFit, StartingState
+from msrr_perception.estimation.first_fit import FirstFit, RatesAt, StartingState
 from msrr_perception.estimation.measurement_history import Measurement
 from msrr_perception.kernels.calibrated import EDGE
 from msrr_perception.kernels.corners import MeasuredCorners, WeightedCorners, derivatives
@@ -37,6 +37,9 @@ _ITERATIONS, _TOLERANCE = 6, 3e-3
 
 #: Number of damped fits: by the prior as it is linear at its mean, and at the solution of the first.
 _SCALINGS = 2
+
+#: Time after an exposure of which nothing agreed in which one of which a part agrees does not clear it [ns].
+_LATELY_NS = 1_000_000_000
 
 #: Way of a tag in the image during an exposure, in modules of its code, from which on its edges are off; and
 #: the standard deviation of its corners then [px]. On rendered tags of 16 to 20 px that is 0.15 px (RMS),
@@ -78,14 +81,16 @@ class CornerUpdate:
         noise = CornerNoise(corner_sigma_px or DEFAULT_CORNER_NOISE.corner_sigma_px, tilt_sigma)
         self._first = FirstFit(target, self._sheet, noise, start_inflation)
 
-    def start(self, measurement: Measurement, known: CalibrationEstimate) -> list[StartingState]:
+    def start(
+        self, measurement: Measurement, known: CalibrationEstimate, rates_at: RatesAt
+    ) -> list[StartingState]:
         """Return first states by one measurement and by what is known of drive and calibration, best first.
 
         There are more than one where it allows more than one pose, and none where it determines none.
         """
         if isinstance(measurement, PoseMeasurement):
-            return [self._start_by_pose(measurement, known)]
-        return self._first.states(self._of_target(measurement), known)
+            return [self._start_by_pose(measurement, known, rates_at)]
+        return self._first.states(self._of_target(measurement), known, rates_at)
 
     def correct(self, prior: FilterState, measurement: Measurement, rates: Rates) -> FilterState | None:
         """Return a state corrected by a measurement at its time; None if that lies outside the gate."""
@@ -104,10 +109,15 @@ class CornerUpdate:
     def _of_target(self, detections: Detections) -> list[TagDetection]:
         return [t for t in detections.tags if t.tag_id in self._target.corners_D]
 
-    def _start_by_pose(self, measurement: PoseMeasurement, known: CalibrationEstimate) -> StartingState:
+    def _start_by_pose(
+        self, measurement: PoseMeasurement, known: CalibrationEstimate, rates_at: RatesAt
+    ) -> StartingState:
         """Return a first state from a measured pose."""
         pose = pose_vector(measurement.X_DU)
-        by_errors = self._of_pose(self._at(pose), AT_REST)
+        state = np.concatenate([pose, known.mean])
+        rates = rates_at(state)
+        pose[:3] -= self._since_exposure(state, rates)
+        by_errors = self._of_pose(self._at(pose), rates)
         first, k = self._layout.first - POSE_SIZE, by_errors.shape[1]
         A = np.zeros((POSE_SIZE, len(known.mean)))
         A[:, first : first + k] = by_errors
@@ -125,11 +135,8 @@ class CornerUpdate:
         H = np.eye(3, n)
         by_errors = self._of_pose(prior.mean, rates)[:3]
         H[:, self._layout.first : self._layout.first + by_errors.shape[1]] = -by_errors
-        # The pose is that at the exposure, of which the derivatives tell the way by the velocity then alone.
-        late = float(prior.mean[self._clock]) if self._clock is not None else 0.0
-        way, velocity = np.empty(3), np.empty(3)
-        moved(rates, -late, way, velocity)
-        innovation = deviation(measurement.X_DU.as_array() - way - late * velocity, H @ prior.mean)
+        since = self._since_exposure(prior.mean, rates)
+        innovation = deviation(measurement.X_DU.as_array() - since, H @ prior.mean)
         S = H @ P @ H.T + measurement.covariance
         distance = float(innovation @ np.linalg.solve(S, innovation))
         if distance > self._gate(3):
@@ -144,6 +151,16 @@ class CornerUpdate:
         return prior._replace(
             mean=mean, covariance=covariance, last_seen_ns=prior.stamp_ns, rejected=0, cost=cost
         )
+
+    def _since_exposure(self, state: Array, rates: Rates) -> Array:
+        """Return how a unit has moved to its exposure, shape (3,), beyond what the error of the clock tells.
+
+        A measured pose is that at the exposure, and its derivatives tell the way by the velocity then alone.
+        """
+        late = float(state[self._clock]) if self._clock is not None else 0.0
+        way, velocity = np.empty(3), np.empty(3)
+        moved(rates, -late, way, velocity)
+        return way + late * velocity
 
     def _by_corners(self, prior: FilterState, measured: MeasuredCorners, rates: Rates) -> FilterState | None:
         """Return the state corrected by the corners of those tags that pass the gate; None if none does.
@@ -181,7 +198,8 @@ class CornerUpdate:
         mean[YAW] = math.remainder(mean[YAW], 2.0 * math.pi)
         # Near a port each exposure shows a tag or two, and a wrong pose may agree with one of them alone.
         left_out = len(measured.which) - len(seen.which)
-        rejected = prior.rejected if left_out else 0
+        lately = prior.stamp_ns - prior.rejected_ns <= _LATELY_NS
+        rejected = prior.rejected if left_out and lately else 0
         found = scale * chi2 / seen.corners.size
         scale = (1.0 - _NOISE_SHARE) * scale + _NOISE_SHARE * found
         return prior._replace(

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from msrr_perception.estimation.corner_update import CornerUpdate
 from msrr_perception.estimation.hypotheses import likeliest
 from msrr_perception.estimation.measurement_history import Measurement
 from msrr_perception.estimation.wheel_doubt import doubts_wheels
-from msrr_perception.kernels.rates import AT_REST
+from msrr_perception.kernels.rates import AT_REST, Rates
 from msrr_perception.motion.drive_motion import DriveMotion
 from msrr_perception.motion.filter_state import CalibrationEstimate, FilterState
 from msrr_perception.motion.wheel_history import WheelHistory
+from msrr_perception.pose.calibration import POSE_SIZE
+from msrr_scenes.arrays import Array
 from msrr_scenes.messages import Detections, ExposureCounts
 
 #: Standard deviation of the position above which it counts as unknown [m], as after wheel readings in degrees
@@ -77,7 +81,9 @@ class FilterStep:
         if after is None:
             exposures = prior.exposures + ExposureCounts(rejected=1)
             cost = prior.cost + self._update.cost_outside(measurement)
-            return prior._replace(rejected=rejected, exposures=exposures, cost=cost)
+            return prior._replace(
+                rejected=rejected, rejected_ns=prior.stamp_ns, exposures=exposures, cost=cost
+            )
         if isinstance(measurement, Detections):  # a measured pose is off by more than a unit moves meanwhile
             after = self._motion.with_exposure(before, told, after, rates)
         if agreeing is not None:
@@ -91,26 +97,40 @@ class FilterStep:
         wheels_until_ns: int = 0,
         exposures: ExposureCounts = _FIRST_EXPOSURE,
     ) -> FilterState | None:
-        """Return a state from one measurement alone; None when it does not determine one.
+        """Return a state from one measurement and the wheels about it; None when it does not determine one.
 
-        It rests on what the wheels did until ``wheels_until_ns``, and on ``exposures`` up to this one.
+        It rests on what the wheels did until ``wheels_until_ns``, and on ``exposures`` up to this one. What
+        was learned earlier may hold no more, as after a knock: then the drawing has to do.
         """
+        known = (self.known,) if self.known is self._motion.prior else (self.known, self._motion.prior)
+        for calibration in known:
+            states = self._first_states(measurement, calibration)
+            if states:
+                until_ns = max(wheels_until_ns, *(one.wheels_until_ns for one in states))
+                return likeliest(
+                    [one._replace(wheels_until_ns=until_ns, exposures=exposures) for one in states]
+                )
+        return None
+
+    def _first_states(self, measurement: Measurement, known: CalibrationEstimate) -> list[FilterState]:
+        """Return states from one measurement, the wheels about it and what is known of the calibration."""
         stamp = measurement.exposure.stamp_ns
         wheels = self._wheels.angles_at(stamp)
+        moves = isinstance(measurement, Detections) or self._motion.learns_clock
+        covariance = np.zeros((POSE_SIZE + len(known.mean),) * 2)
+        covariance[POSE_SIZE:, POSE_SIZE:] = known.covariance
+
+        def rates_at(mean: Array) -> Rates:
+            state = FilterState(stamp, mean, covariance, wheels, stamp)
+            return self._motion.rates(state, self._wheels) if moves else AT_REST
+
         states = [
-            FilterState(
-                stamp,
-                one.mean,
-                one.covariance,
-                wheels,
-                stamp,
-                wheels_until_ns=wheels_until_ns,
-                exposures=exposures,
-                cost=one.cost,
-            )
-            for one in self._update.start(measurement, self.known)
+            FilterState(stamp, one.mean, one.covariance, wheels, stamp, cost=one.cost)
+            for one in self._update.start(measurement, known, rates_at)
         ]
-        return likeliest(states) if states else None
+        if not moves:
+            return states
+        return [one._replace(wheels_until_ns=self._motion.wheels_until(one)) for one in states]
 
 
 def _is_undetermined(state: FilterState) -> bool:

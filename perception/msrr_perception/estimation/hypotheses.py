@@ -36,7 +36,10 @@ def likeliest(states: Sequence[FilterState]) -> FilterState:
         if other.cost - best.cost < _GIVEN_UP and not any(same):
             apart.append(other)
     scale, seen = best.noise_scale, best.exposures
-    alternatives = [r._replace(cost=r.cost - best.cost, noise_scale=scale, exposures=seen) for r in apart[1:]]
+    alternatives = [
+        r._replace(cost=r.cost - best.cost, noise_scale=scale, exposures=seen, alternatives=())
+        for r in apart[1:]
+    ]
     wheels_until_ns = max(one.wheels_until_ns for one in apart)
     return best._replace(cost=0.0, wheels_until_ns=wheels_until_ns, alternatives=tuple(alternatives))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.estimator import AHEAD_NS, Estimator
 from msrr_perception.pose.target import TargetModel
 from msrr_scenes.geometry.se2 import SE2
@@ -154,9 +155,12 @@ class LosEstimator:
         last = self._measured[side]
         if last is None or now_ns - last.stamp_ns > self._seen_ns:
             return None
-        if last.stamp_ns not in poses:  # both edges were often measured in the same exposure
-            poses[last.stamp_ns] = estimator.predict(last.stamp_ns)
-        then = poses[last.stamp_ns]
+        # The clock of the camera may be ahead, by as much as the filter has found.
+        ahead_s = estimator.clock_ahead_s if isinstance(estimator, CornerEkf) else 0.0
+        exposed_ns = last.stamp_ns - round(ahead_s * NS_PER_S)
+        if exposed_ns not in poses:  # both edges were often measured in the same exposure
+            poses[exposed_ns] = estimator.predict(exposed_ns)
+        then = poses[exposed_ns]
         if then is None:
             return None
         left, ahead = _edges_in_camera(self.target, then.X_DU)[side]

@@ -27,7 +27,8 @@ class FilterState(NamedTuple):
         covariance: Covariance of the mean, shape (n, n).
         wheels: Encoder angles up to which motion is accounted for; None while no reading is known.
         last_seen_ns: Exposure time of the last measurement that passed the gate.
-        rejected: Number of exposures of which nothing passed the gate since the last of which everything did.
+        rejected: Number of exposures of which nothing passed the gate since the last of which everything did,
+            or since one of which a part did and that came a second after them or later.
         noise_scale: Variance of the corners, as their residuals show it, over that by the data sheet.
         wheels_until_ns: Time until which the last measurement rests on what the wheels did [ns].
         wheels_doubted_ns: Exposure time of the last measurement that agrees only if the wheel readings are
@@ -38,6 +39,7 @@ class FilterState(NamedTuple):
         alternatives: Other states that may be the right one instead; they have no alternatives themselves.
         stood: Whether the unit stood at a port at the last measurement, whatever its wheels told.
         exposed: Place (x, y) of the unit at the exposure of that, which was not at its stamp [m].
+        rejected_ns: Time of the last exposure of which nothing passed the gate [ns].
     """
 
     stamp_ns: int
@@ -54,6 +56,7 @@ class FilterState(NamedTuple):
     alternatives: tuple[FilterState, ...] = ()
     stood: bool = False
     exposed: tuple[float, float] = (math.nan, math.nan)
+    rejected_ns: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

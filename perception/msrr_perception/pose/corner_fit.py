@@ -25,8 +25,11 @@ from msrr_scenes.messages import TagDetection
 #: Step at which the iteration stops, in standard deviations of the solution.
 _TOLERANCE = 1e-3
 
-#: Standard deviation below which a single tag's yaw is known, range beyond the solutions in which it is cut
-#: into pieces otherwise, and their distance and standard deviation [rad]; largest number of linearisations.
+#: Thickness of a set of corners, by its extent, below which they lie in one plane.
+_FLAT = 0.1
+
+#: Standard deviation below which the yaw by such corners is known, range beyond the solutions in which it is
+#: cut into pieces otherwise, and their distance and standard deviation [rad]; number of linearisations.
 _YAW_KNOWN, _YAW_RANGE, _YAW_PIECE, _YAW_ITERATIONS = 0.007, 0.5, 0.05, 12
 
 #: Variance of the pose [m^2, rad^2] above which corners say nothing of it.
@@ -96,6 +99,13 @@ def odds(costs: Sequence[float]) -> Array:
     return np.asarray(likelihoods / likelihoods.sum())
 
 
+def are_in_one_plane(target: TargetModel, tags: Sequence[TagDetection]) -> bool:
+    """Return whether tags of the target, one or more, lie in one plane, so that they leave the yaw open."""
+    points = np.concatenate([target.corners_D[tag.tag_id] for tag in tags])
+    widest, _, out_of_plane = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(out_of_plane < _FLAT * widest)
+
+
 def pieces_along_yaw(
     target: TargetModel,
     layout: StateLayout,
@@ -104,13 +114,12 @@ def pieces_along_yaw(
     prior_mean: Array,
     prior_information: Array,
 ) -> list[CornerFit]:
-    """Return fits to a single tag that together are as likely everywhere as the tag says, best first.
+    """Return fits to tags in one plane that together are as likely everywhere as the tags say, best first.
 
-    A single flat tag seen from the front determines the yaw so poorly that the likelihood is not Gaussian: it
-    is flat or has two peaks, and its curvature at the best point is far too optimistic. So it is cut into
-    pieces along the yaw: priors of the yaw, each of which is narrow enough for its fit to be linear, and
-    which add up to a constant. ``solutions`` are those that :func:`fit_corners` found by the same prior, best
-    first.
+    Seen from the front, such tags determine the yaw so poorly that the likelihood is not Gaussian: it is flat
+    or has two peaks, and its curvature at the best point is far too optimistic. So it is cut into pieces
+    along the yaw: priors of the yaw, each of which is narrow enough for its fit to be linear, and which add
+    up to a constant. ``solutions`` are those that :func:`fit_corners` found by the same prior, best first.
     """
     if len(solutions) == 1 and solutions[0].covariance[YAW, YAW] < _YAW_KNOWN**2:
         return list(solutions)

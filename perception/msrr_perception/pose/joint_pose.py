@@ -10,6 +10,7 @@ import numpy as np
 
 from msrr_perception.pose.corner_fit import (
     CornerFit,
+    are_in_one_plane,
     distinct,
     equally_weighted,
     fit_corners,
@@ -91,7 +92,7 @@ def joint_pose(
     if not fits:
         return None
     best, pieces = fits[0].state, fits
-    if len(known) == 1:
+    if are_in_one_plane(target, known):
         seen = equally_weighted(target, known, noise.corner_sigma_px)
         pieces = pieces_along_yaw(target, target.layout, seen, fits, np.zeros(5), _level(noise))
     return JointPose(SE2(*best[:3]), second_moment(best, pieces)[:3, :3])

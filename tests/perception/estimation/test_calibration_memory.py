@@ -11,12 +11,13 @@ from msrr_perception.estimation.calibration_memory import CalibrationMemory
 from msrr_perception.estimation.corner_filter import CornerEkf
 from msrr_perception.estimation.dock_frame import pose_in_D
 from msrr_perception.motion.filter_state import CalibrationEstimate, FilterState
-from msrr_perception.pose.target import TargetModel
+from msrr_perception.pose.target import TargetModel, pose_vector
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.messages import Detections, Exposure, PoseMeasurement
 from msrr_scenes.specs.scene import Scene
 from tests.conftest import not_none
-from tests.perception.conftest import see
+from tests.perception.conftest import see, see_target
 
 SEATED = SE2(-0.1, 0.0, 0.0)
 
@@ -146,3 +147,17 @@ def test_errors_of_the_encoders_are_left_out_of_those_of_the_drive(careful: Scen
     shares = left / (left + of_encoder), right / (right + of_encoder), 1.0  # encoders tell nothing of a track
     assert 0.05 < min(shares) < 0.95
     np.testing.assert_allclose(ekf.drive_errors(), np.array(shares) * mean[:3], rtol=1e-9)
+
+
+def test_a_unit_whose_camera_was_knocked_since_it_learned_starts_by_the_drawing(careful: Scene) -> None:
+    """By what it had learned the tags could not be where they were: it never had a pose again."""
+    target = _target(careful)
+    ekf = CornerEkf(target, careful.odometry)
+    ekf.recall(replace(ekf.prior, covariance=0.02 * ekf.prior.covariance))
+    pitched = SE3.from_xyz_rpy([0.0, 0.0, 0.0], [math.radians(0.6), 0.0, 0.0])
+    knocked, X = replace(target, X_UC=target.X_UC @ pitched), SE2(-0.6, 0.02, 0.05)
+    tags = see_target(knocked, pose_vector(X), target.port_tags)
+    ekf.add_detections(Detections(Exposure("a/onboard", 0, 0), tags, ()))
+    found = not_none(ekf.estimate(0))
+    e = found.X_DU.as_array() - X.as_array()
+    assert float(e @ np.linalg.solve(found.covariance, e)) < 16.3

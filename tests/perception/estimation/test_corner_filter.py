@@ -309,6 +309,31 @@ def test_a_good_picture_in_between_begins_the_count_anew(target: TargetModel, sc
     assert ekf.exposures == counts + ExposureCounts(used=1, rejected=4)
 
 
+def test_bad_pictures_that_are_seconds_apart_do_not_add_up(target: TargetModel, scene: Scene) -> None:
+    """One tag is wrong all the time, so that no picture agrees in full; one in 40 does not agree at all.
+
+    After the third of these the wheels were doubted in every picture, and after the fifth all was forgotten.
+    """
+    ekf, drive = _ekf(target, scene), make_drive(3)
+    drive.speed = lambda X: (0.02 * math.cos(drive.tick / 400.0), 0.1 * math.sin(drive.tick / 100.0))
+    seen, spoilt = 0, 0
+    while spoilt < 8:
+        reading, picture = drive.step()
+        ekf.add_odometry(reading)
+        if picture is None:
+            continue
+        seen += 1
+        tags = list(picture.tags)
+        tags[2] = replace(tags[2], corners=tags[2].corners + 8.0)
+        if seen % 40 == 0:
+            spoilt += 1
+            off = np.array([12.0, -12.0])
+            tags = [replace(t, corners=t.corners + (-1) ** k * off) for k, t in enumerate(tags)]
+        ekf.add_detections(replace(picture, tags=tuple(tags)))
+        assert not_none(ekf._history.newest).rejected == (seen % 40 < 26 and seen >= 40)
+    assert ekf.exposures == ExposureCounts(used=seen - spoilt, rejected=spoilt)
+
+
 @pytest.mark.parametrize("x", [-0.101, -0.118])
 def test_spinning_wheels_at_the_port_do_not_move_the_estimate(
     target: TargetModel, scene: Scene, x: float
