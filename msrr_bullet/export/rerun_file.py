@@ -27,6 +27,7 @@ from msrr_scenes.messages import (
     AssemblyPath,
     Detections,
     Exposure,
+    Localisation,
     PoseEstimate,
     TagDetection,
     onboard_camera,
@@ -80,7 +81,10 @@ def write_rerun(log: Log, path: Path) -> None:
 def _write(log: Log, path: Path) -> None:
     import rerun as rr
 
-    topics = "/control/*/path", "/camera/*/exposure", "/perception/*/detections", "/perception/*/estimate"
+    topics = (
+        *("/control/*/path", "/camera/*/exposure", "/perception/*/detections", "/perception/*/estimate"),
+        "/sensors/*/localisation",
+    )
     # Rerun ends the process on some damaged logs, so all of the log is read, and judged, before it.
     messages = [(r.stamp_ns, unit_of(r.topic), r.message) for r in log.records(*topics)]
     scene = log.header.scene
@@ -133,7 +137,11 @@ def _log_message(recording: rr.RecordingStream, lenses: Mapping[str, Lens], unit
         line = rr.LineStrips3D([points], colors=[_rgb(PATH)])
         recording.log(f"paths/{unit}", rr.CoordinateFrame(WORLD), line)
     elif isinstance(message, Exposure):
+        # The time of the image, and of its tags, is that by the clock of the camera.
+        recording.set_time(_TIMELINE, timestamp=np.datetime64(message.stamp_ns, "ns"))
         _log_tags(recording, lenses, message, ())  # those of the frame before belong to that alone
+    elif isinstance(message, Localisation):
+        _log_message(recording, lenses, unit, message.detections)
     elif isinstance(message, Detections):
         stamp = np.datetime64(message.exposure.stamp_ns, "ns")
         recording.set_time(_TIMELINE, timestamp=stamp)  # that of the image

@@ -33,6 +33,7 @@ from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import (
     AssemblyPath,
     Detections,
+    Localisation,
     LosObservation,
     LosStatus,
     PoseEstimate,
@@ -96,6 +97,7 @@ class DisplayMessages:
             Detections: self._detections,
             Event: self._event,
             FrameLinks: self._links,
+            Localisation: self._localisation,
             LosObservation: self._los,
             PoseEstimate: self._estimate,
             StartPoses: self._starts,
@@ -179,6 +181,9 @@ class DisplayMessages:
     def _los(self, topic: str, stamp_ns: int, los: LosObservation) -> Iterator[Display]:
         self._sight[topics.unit_of(topic)] = los
         yield from ()
+
+    def _localisation(self, topic: str, stamp_ns: int, message: Localisation) -> Iterator[Display]:
+        yield from self._detections(topic, stamp_ns, message.detections)
 
     def _detections(self, topic: str, stamp_ns: int, found: Detections) -> Iterator[Display]:
         camera, at_ns = found.exposure.camera, found.exposure.stamp_ns

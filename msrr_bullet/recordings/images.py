@@ -55,7 +55,12 @@ def pixels_of(message: Any, name: str) -> Pixels:
 def _pixels(message: Any, name: str) -> Pixels:
     data = _bytes(message.data, name)
     if not hasattr(message, "encoding"):
-        return decoded_picture(data, name)
+        pixels = decoded_picture(data, name)
+        # The transport of ROS 2 compresses the mosaic of a Bayer sensor as if it was a grey picture.
+        mosaic = _ENCODINGS.get(str(getattr(message, "format", "")).partition(";")[0].strip())
+        if mosaic is None or mosaic[1] != 1 or mosaic[2] is None:
+            return pixels
+        return np.asarray(cv2.cvtColor(pixels, mosaic[2]), dtype=np.uint8)
     known = _ENCODINGS.get(message.encoding)
     if known is None:
         text = f"an image in the encoding {message.encoding!r:.40}; convert it to one of"

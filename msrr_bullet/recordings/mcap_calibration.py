@@ -45,15 +45,16 @@ def find_calibration(
 def _nearest(topic: str, candidates: Sequence[str]) -> str | None:
     """Return the topic of the calibration that belongs to images; None without one, or where several may.
 
-    Its folder holds the images, or lies beside them, and no other one is nearer: ``/camera/camera_info`` is
-    that of ``/camera/image_raw`` and of ``/camera/image_raw/compressed``.
+    Its folder holds the images, or has their name, and no other one is nearer: ``/camera/camera_info`` is
+    that of ``/camera/image_raw`` and of ``/camera/image_raw/compressed``. One in another folder beside the
+    images is of another camera.
     """
-    folder = topic.split("/")[:-1]
+    name = topic.split("/")
     places = {other: other.split("/")[:-1] for other in candidates}
     steps = {
-        other: abs(len(place) - len(folder))
+        other: abs(len(place) - len(name) + 1)
         for other, place in places.items()
-        if all(a == b for a, b in zip(place, folder, strict=False))
+        if place == name[: len(place)]
     }
     nearest = [other for other, count in steps.items() if count == min(steps.values())]
     return nearest[0] if len(nearest) == 1 else None

@@ -32,8 +32,17 @@ DAMAGE = (
 )
 
 
+class Undecoded(NamedTuple):
+    """Stands for a message that its decoder refuses, with the reason in words."""
+
+    reason: str
+
+
 class DecodedMessage(NamedTuple):
-    """A message of an MCAP file, with its fields as attributes, and the time at which it was recorded."""
+    """A message of an MCAP file, with its fields as attributes, and the time at which it was recorded.
+
+    A message that cannot be decoded is :class:`Undecoded`.
+    """
 
     topic: str
     schema: str
@@ -86,16 +95,34 @@ def read_channels(path: Path) -> dict[str, str]:
 
 
 def _reader(file: IO[bytes]) -> McapReader:
-    """Return a reader of a file; one that was cut off has no index, and is read from its beginning."""
-    factories = [_JsonDecoderFactory(), ProtobufDecoderFactory(), _Ros2DecoderFactory()]
+    """Return a reader of a file; one that was cut off or has no full index is read from its beginning."""
     start, size = file.read(len(MAGIC)), file.seek(0, os.SEEK_END)
     file.seek(max(0, size - len(MAGIC)))
     end = file.read()
     file.seek(0)
     if start != MAGIC:
         raise ValueError("its first bytes are others")
-    kind = SeekingReader if size > len(MAGIC) and end == MAGIC else NonSeekingReader
-    return kind(file, validate_crcs=True, decoder_factories=factories)
+    if size > len(MAGIC) and end == MAGIC:
+        reader = SeekingReader(file, validate_crcs=True)
+        summary = reader.get_summary()
+        # Channels and schemas need not be repeated behind the messages, nor need there be an index of these.
+        if summary is not None and summary.chunk_indexes and summary.channels and summary.schemas:
+            return reader
+        file.seek(0)
+    return NonSeekingReader(file, validate_crcs=True)
+
+
+def _decoder(schema: Schema | None, channel: Channel) -> Callable[[bytes], Any]:
+    """Return the decoder of the messages on a channel.
+
+    Raises:
+        McapError: Their encoding is not known, or their definition cannot be parsed.
+    """
+    for factory in (_JsonDecoderFactory(), ProtobufDecoderFactory(), _Ros2DecoderFactory()):
+        decoder = factory.decoder_for(channel.message_encoding, schema)
+        if decoder is not None:
+            return decoder
+    raise McapError(f"no decoder for {_name(schema)} in the encoding {channel.message_encoding!r}")
 
 
 def _channels_of(reader: McapReader) -> Iterator[tuple[Schema | None, Channel]]:
@@ -117,20 +144,28 @@ def read_messages(path: Path, topics: list[str]) -> Iterator[DecodedMessage]:
     Raises:
         RecordingError: The file is damaged from some message on, or cut off there; those before were yielded.
     """
-    count = 0
+    count, decoders = 0, dict[int, Callable[[bytes], Any]]()
     try:
         with path.open("rb") as file:
             reader = _reader(file)
             ordered = isinstance(reader, SeekingReader)  # else all of the file would be read to sort it
-            found = reader.iter_decoded_messages(topics=topics, log_time_order=ordered)
-            for schema, channel, record, message in found:
+            for schema, channel, record in reader.iter_messages(topics=topics, log_time_order=ordered):
+                if channel.id not in decoders:
+                    decoders[channel.id] = _decoder(schema, channel)
+                message: Any
+                try:
+                    message = decoders[channel.id](record.data)
+                except DAMAGE as error:
+                    message = Undecoded(_in_words(error))
                 yield DecodedMessage(channel.topic, _name(schema), record.log_time, message)
                 count += 1
     except DAMAGE as error:
-        text = f"{type(error).__name__} {error}"[:200].strip()
-        raise RecordingError(
-            f"{path}: damaged, cut off or of an unknown encoding behind message {count}: {text}"
-        ) from None
+        text = f"damaged, cut off or of an unknown encoding behind message {count}"
+        raise RecordingError(f"{path}: {text}: {_in_words(error)}") from None
+
+
+def _in_words(error: Exception) -> str:
+    return f"{type(error).__name__} {error}"[:200].strip()
 
 
 def check_clock(path: Path, topic: str) -> None:

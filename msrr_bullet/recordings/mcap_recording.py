@@ -13,6 +13,7 @@ from msrr_bullet.recordings.mcap_calibration import find_calibration
 from msrr_bullet.recordings.mcap_messages import (
     DAMAGE,
     DecodedMessage,
+    Undecoded,
     check_clock,
     read_channels,
     read_messages,
@@ -27,6 +28,8 @@ from msrr_bullet.recordings.recording import (
     WheelReading,
 )
 from msrr_bullet.recordings.wheels import JOINT_STATE, ODOMETRY, WHEELS, WheelReader
+from msrr_perception.photographs.picture_files import PictureError
+from msrr_scenes.messages import Pixels
 
 IMAGES = (
     *("foxglove.CompressedImage", "foxglove.RawImage"),
@@ -141,20 +144,42 @@ def _check_wheels(path: Path, topic: str, reader: WheelReader) -> None:
 def _items(path: Path, topics: _Topics, start_ns: int, wheels: Callable[[], WheelReader]) -> Iterator[Item]:
     reader, number = wheels(), 0
     for found in read_messages(path, topics.all()):
-        arrival_ns, stamp_ns = found.log_ns - start_ns, _stamp(path, found) - start_ns
+        arrival_ns = found.log_ns - start_ns
         if found.topic == topics.images:
-            name = f"{path}: {found.topic} at {1e-9 * stamp_ns:.3f} s"
-            decode = partial(pixels_of, found.message, name)
-            yield RecordedFrame(name, stamp_ns, max(arrival_ns, stamp_ns), decode, number)
+            yield _frame(path, found, start_ns, number)
             number += 1
             continue
-        angles = _angles(path, reader, found)
+        stamp_ns, angles = _stamp(path, found) - start_ns, _angles(path, reader, found)
         if angles is not None:
             yield WheelReading(arrival_ns, stamp_ns, *angles)
 
 
+def _frame(path: Path, found: DecodedMessage, start_ns: int, number: int) -> RecordedFrame:
+    """Return the frame of a message; one that is damaged, or of another time, cannot be read."""
+    arrival_ns = found.log_ns - start_ns
+    name = f"{path}: {found.topic} at {1e-9 * arrival_ns:.3f} s"
+    if isinstance(found.message, Undecoded):
+        return _lost_frame(name, arrival_ns, f"{name}: damaged: {found.message.reason}", number)
+    try:
+        stamp_ns = _stamp(path, found) - start_ns
+    except RecordingError as error:
+        return _lost_frame(name, arrival_ns, str(error), number)
+    name = f"{path}: {found.topic} at {1e-9 * stamp_ns:.3f} s"
+    decode = partial(pixels_of, found.message, name)
+    return RecordedFrame(name, stamp_ns, max(arrival_ns, stamp_ns), decode, number)
+
+
+def _lost_frame(name: str, arrival_ns: int, reason: str, number: int) -> RecordedFrame:
+    def decode() -> Pixels:
+        raise PictureError(reason)
+
+    return RecordedFrame(name, arrival_ns, arrival_ns, decode, number)
+
+
 def _angles(path: Path, reader: WheelReader, found: DecodedMessage) -> tuple[float, float] | None:
     """Return the angles of both wheels [rad], left first; None if a message does not tell of both."""
+    if isinstance(found.message, Undecoded):
+        raise RecordingError(f"{path}: {found.topic}: a damaged message: {found.message.reason}")
     try:
         angles = reader.angles(found.schema, found.message)
     except DAMAGE as error:
@@ -172,22 +197,33 @@ def _earliest_ns(path: Path, topics: _Topics) -> int:
         RecordingError: A message that comes before all images cannot be used.
     """
     earliest_ns = next(iter(read_messages(path, topics.all()))).log_ns
-    has_image = False
+    has_image, refused = False, None
     try:
         for found in read_messages(path, topics.all()):
             if found.log_ns > earliest_ns + 2 * LONGEST_LATENCY_NS:
                 break
-            earliest_ns = min(earliest_ns, found.log_ns, _stamp(path, found))
+            try:
+                stamp_ns = _stamp(path, found)
+            except RecordingError as error:
+                if found.topic != topics.images:
+                    raise
+                refused = refused or error  # a single one is a lost frame
+                continue
+            earliest_ns = min(earliest_ns, found.log_ns, stamp_ns)
             has_image |= found.topic == topics.images
     except RecordingError:
         if not has_image:
             raise
         # Else it is raised again, and told, where the recording is read: what comes before is worth having.
+    if refused is not None and not has_image:
+        raise refused
     return earliest_ns
 
 
 def _stamp(path: Path, found: DecodedMessage) -> int:
-    """Return the time stamp of a message; that of its recording where nobody has set it."""
+    """Return the time stamp of a message; that of its recording where nobody has set it, or can read it."""
+    if isinstance(found.message, Undecoded):
+        return found.log_ns
     try:
         stamp_ns = stamp_of(found.message)
     except DAMAGE as error:

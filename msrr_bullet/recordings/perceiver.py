@@ -11,7 +11,7 @@ import numpy as np
 from msrr_bullet.log import topics
 from msrr_bullet.log.recorder import Recorder
 from msrr_bullet.recordings.recording import Item as RecordedItem
-from msrr_bullet.recordings.recording import RecordedFrame, WheelReading, moments
+from msrr_bullet.recordings.recording import RecordedFrame, RecordingError, WheelReading, moments
 from msrr_perception.detection.detector import DETECTORS, Detector
 from msrr_perception.detection.onboard_vision import FULL_FRAME_PERIOD, OnboardVision
 from msrr_perception.estimation.calibration_errors import EstimatedCalibrationError
@@ -131,26 +131,32 @@ class Perceiver:
             RecordingError: The recording is damaged from some message on; what came before was yielded.
         """
         pending: tuple[int, Detections | None] | None = None
-        for moment in moments(items):
-            if pending is not None and pending[0] < moment.at_ns:
-                yield self._instant(*pending)
-                pending = None
-            item = moment.item
-            if isinstance(item, WheelReading):
-                reading = WheelOdometry(ROBOT, item.stamp_ns, item.left, item.right)
-                self.recorder.write(topics.sensor(ROBOT, reading), moment.at_ns, reading)
-                self._estimator.add_odometry(reading)
-                self._wheels_ns = max(item.stamp_ns, self._wheels_ns or 0)
-            elif isinstance(item, RecordedFrame) and moment.exposes:
-                self._expose(item)
-            elif isinstance(item, RecordedFrame):
-                if pending is not None and pending[1] is not None:  # two frames arrive at the same time
+        damage: RecordingError | None = None
+        try:
+            for moment in moments(items):
+                if pending is not None and pending[0] < moment.at_ns:
                     yield self._instant(*pending)
-                pending = (moment.at_ns, self._deliver(item, moment.at_ns))
-            else:
-                pending = (moment.at_ns, pending[1] if pending else None)
+                    pending = None
+                item = moment.item
+                if isinstance(item, WheelReading):
+                    reading = WheelOdometry(ROBOT, item.stamp_ns, item.left, item.right)
+                    self.recorder.write(topics.sensor(ROBOT, reading), moment.at_ns, reading)
+                    self._estimator.add_odometry(reading)
+                    self._wheels_ns = max(item.stamp_ns, self._wheels_ns or 0)
+                elif isinstance(item, RecordedFrame) and moment.exposes:
+                    self._expose(item)
+                elif isinstance(item, RecordedFrame):
+                    if pending is not None and pending[1] is not None:  # two frames arrive at the same time
+                        yield self._instant(*pending)
+                    pending = (moment.at_ns, self._deliver(item, moment.at_ns))
+                else:
+                    pending = (moment.at_ns, pending[1] if pending else None)
+        except RecordingError as error:
+            damage = error
         if pending is not None:
             yield self._instant(*pending)
+        if damage is not None:
+            raise damage
 
     def _expose(self, frame: RecordedFrame) -> None:
         """Read the tags of a frame, with what is known when it is exposed."""

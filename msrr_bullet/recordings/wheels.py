@@ -11,6 +11,9 @@ from msrr_scenes.geometry.urdf_file import WheelJoint
 
 WHEELS, JOINT_STATE, ODOMETRY = "msrr.WheelOdometry", "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 
+#: Largest angle of a joint that wraps at -pi and pi, and how far from a whole turn it jumps there [rad].
+_WRAPS, _WRAP_JUMP = math.pi + 0.01, 1.5
+
 
 @dataclass
 class WheelReader:
@@ -25,6 +28,8 @@ class WheelReader:
     track: float
     joints: tuple[WheelJoint, WheelJoint] | None = None
     _pose: SE2 | None = field(default=None, init=False)
+    _told: dict[str, float] = field(default_factory=dict, init=False)  # angle of each joint as it was told
+    _turns: dict[str, float] = field(default_factory=dict, init=False)  # by which that has wrapped [rad]
     _left: float = field(default=0.0, init=False)
     _right: float = field(default=0.0, init=False)
 
@@ -37,9 +42,19 @@ class WheelReader:
             known = dict(zip(message.name, message.position, strict=False))
             if any(joint.name not in known for joint in self.joints):
                 return None
-            left, right = (joint.forward * float(known[joint.name]) for joint in self.joints)
-            return left, right
+            first, second = (
+                joint.forward * self._unwrapped(joint.name, float(known[joint.name])) for joint in self.joints
+            )
+            return first, second
         return self._driven(message.pose.pose)
+
+    def _unwrapped(self, joint: str, angle: float) -> float:
+        """Return the angle of a wheel with the turns that a driver leaves out which tells of -pi to pi."""
+        before, self._told[joint] = self._told.get(joint, angle), angle
+        jump = angle - before
+        if max(abs(angle), abs(before)) < _WRAPS and abs(abs(jump) - 2.0 * math.pi) < _WRAP_JUMP:
+            self._turns[joint] = self._turns.get(joint, 0.0) - math.copysign(2.0 * math.pi, jump)
+        return angle + self._turns.get(joint, 0.0)
 
     def _driven(self, pose: Any) -> tuple[float, float] | None:
         q = pose.orientation

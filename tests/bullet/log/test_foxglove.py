@@ -14,12 +14,21 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from msrr_bullet.log import LOG_NAME, Event, Level, LogHeader, StepStart, topics
+from msrr_bullet.log.display import DisplayMessages
 from msrr_bullet.log.frame_tree import scene_frames
 from msrr_bullet.log.mcap_recorder import McapRecorder
 from msrr_bullet.trial.trial import Trial
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.loading.load import load_scene
-from msrr_scenes.messages import PoseEstimate, WheelOdometry
+from msrr_scenes.messages import (
+    OVERHEAD,
+    Detections,
+    Exposure,
+    Localisation,
+    PoseEstimate,
+    TagDetection,
+    WheelOdometry,
+)
 from msrr_scenes.specs.scene import Scene
 from tests.bullet.log.conftest import record_trial
 
@@ -150,3 +159,15 @@ def test_a_client_that_jumps_in_time_gets_all_that_is_drawn(
                 assert shown >= last.get(channel.topic, set())
                 last[channel.topic] = shown
     assert last[topic] == drawn
+
+
+def test_tags_of_a_localisation_service_are_shown_as_those_of_the_overhead_camera() -> None:
+    """Nothing was drawn into the image of that camera."""
+    shown = DisplayMessages(load_scene("biased_localisation"))
+    corners = np.array([[10.0, 10.0], [30.0, 10.0], [30.0, 30.0], [10.0, 30.0]])
+    found = Detections(Exposure(OVERHEAD, 3, 7), (TagDetection(5, corners),), ())
+    (direct,) = shown.of(topics.sensor("a", found), 9, found)
+    told = Localisation(found)
+    (derived,) = shown.of(topics.sensor("a", told), 9, told)
+    assert derived[:2] == direct[:2] == (topics.image_annotations(OVERHEAD), 9)
+    assert derived[2].encode() == direct[2].encode()

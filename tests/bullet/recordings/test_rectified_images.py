@@ -68,6 +68,30 @@ def test_the_calibration_is_that_of_the_camera_by_its_name(
     assert "calibration on" not in right.recording
 
 
+@pytest.mark.parametrize(
+    ("images", "info", "own"),
+    [
+        ("/camera/image_raw", "/camera/camera_info", True),
+        ("/camera/image_raw/compressed", "/camera/camera_info", True),
+        ("/camera/image_raw", "/camera/image_raw/camera_info", True),
+        ("/camera/image_raw", "/camera_info", True),
+        ("/camera/image_raw", "/camera/depth/camera_info", False),
+        ("/image_raw", "/stereo/left/camera_info", False),
+    ],
+)
+def test_a_calibration_in_another_folder_is_of_another_camera(
+    trial: Trial, target: Path, tmp_path: Path, images: str, info: str, own: bool
+) -> None:
+    """That of the depth camera was used for the images beside it, and put the robot 25 cm off."""
+    path = tmp_path / "two.mcap"
+    write_ros2(path, trial.frames()[:2], [], image_topic=images, info_topics=(info,))
+    if own:
+        assert perceive(path, target).used == 2
+    else:
+        with pytest.raises(RecordingError, match=rf"{info} is the calibration of {images}, their names do"):
+            perceive(path, target)
+
+
 def test_calibrations_of_other_cameras_are_refused(trial: Trial, target: Path, tmp_path: Path) -> None:
     topics: Any = {
         "image_topic": "/front/image_raw",
