@@ -14,6 +14,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 from msrr_bullet.timeline.camera_views import CameraView
 from msrr_bullet.timeline.snapshot import Snapshot
 from msrr_bullet.viewer import server
@@ -24,7 +26,7 @@ from msrr_bullet.viewer.live_cameras import LiveCameras, StillDrawer
 from msrr_bullet.viewer.page import render_page
 from msrr_bullet.viewer.readings import labels, readings, unit_readings
 from msrr_bullet.viewer.replay_data import camera_data
-from msrr_bullet.viewer.scene_graph import SceneGraph, look_at, path_commands
+from msrr_bullet.viewer.scene_graph import SceneGraph, framed, look_at, path_commands, places
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.messages import NS_PER_S, AssemblyPath, seconds
@@ -35,6 +37,9 @@ _log = logging.getLogger(__name__)
 DEFAULT_PORT = 7000
 #: Largest rate at which snapshots are shown, in wall-clock time [Hz].
 MAX_RATE = 30.0
+#: Distance from the middle of what is shown, by its radius, from which on a body is out of view; and what is
+#: shown beyond such a body, which may drive on [m].
+_OUT_OF_VIEW, _BEYOND_M = 1.1, 0.4
 #: Time limits for the server to start, to read, and to end [s].
 START_TIMEOUT, WRITE_TIMEOUT, CLOSE_TIMEOUT = 20.0, 5.0, 2.0
 
@@ -79,7 +84,7 @@ class LiveViewer:
         self._true_paths = {unit: GrowingPath(unit, draw) for unit in scene.units}
         self._believed_paths = {unit: GrowingPath(unit, _draw_belief) for unit in scene.units}
         self._plans: dict[str, AssemblyPath] = {}  # newest planned path of every unit
-        self._view_set = False
+        self._framed: Array | None = None  # corners of the rectangle on the floor that is shown
         self._next_update = 0.0
         self._origin: tuple[float, int] | None = None
         self._cameras = None if drawer is None or scene.perception != "images" else LiveCameras(drawer)
@@ -190,9 +195,7 @@ class LiveViewer:
 
     def _show(self, snapshot: Snapshot) -> None:
         commands: list[Command] = []
-        if not self._view_set:
-            commands += look_at([snapshot])
-            self._view_set = True
+        commands += self._look_again(places([snapshot]))
         for node, state in self._graph.node_states(snapshot).items():
             commands += place(node, self._placed.get(node), state)
             self._placed[node] = state
@@ -212,6 +215,20 @@ class LiveViewer:
             "units": unit_readings(snapshot),
         }
         self._send(server.READING, b"readings", json.dumps(message).encode())
+
+    def _look_again(self, points: Array) -> Iterator[Command]:
+        """Yield the commands that show all bodies, from farther away if one has driven out of view.
+
+        A reader who has moved the camera is not disturbed more often than that.
+        """
+        if self._framed is not None:
+            middle, radius = framed(self._framed)
+            out = points[np.hypot(*(points - middle).T) > _OUT_OF_VIEW * radius]
+            if not len(out):
+                return
+            points = np.concatenate([self._framed, out - _BEYOND_M, out + _BEYOND_M])
+        self._framed = np.stack([points.min(axis=0), points.max(axis=0)])
+        yield from look_at(self._framed)
 
     def _send_commands(self, commands: Iterable[Command]) -> None:
         for command in commands:

@@ -14,7 +14,7 @@ from msrr_bullet.timeline.still import Still
 from msrr_bullet.viewer.arena_belief import PLAN_NODE, plan_commands
 from msrr_bullet.viewer.commands import Command, KeyframeTrack, NodeState, set_animation
 from msrr_bullet.viewer.page import render_page
-from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at, path_commands
+from msrr_bullet.viewer.scene_graph import PATH_STEP, SceneGraph, look_at, path_commands, places
 from msrr_scenes.arrays import Array
 from msrr_scenes.errors import MsrrError
 from msrr_scenes.geometry.se2 import SE2
@@ -46,7 +46,7 @@ def write_replay(
         raise MsrrError(f"{path}: a trial without a single snapshot has nothing to replay")
     graph = SceneGraph(scene)
     drawn, tracks = graph.mission.replay(kept) if scene.coordinated else _paths(kept)
-    commands = [*graph.build(), *drawn, *look_at(kept), _animation(graph, kept, tracks)]
+    commands = [*graph.build(), *drawn, *look_at(places(kept)), _animation(graph, kept, tracks)]
     write_whole(path, render_page(scene, commands, kept, stills, events))
     return path
 

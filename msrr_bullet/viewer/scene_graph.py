@@ -224,13 +224,24 @@ def path_commands(name: str, points: Sequence[Array]) -> Iterator[Command]:
     return shapes.flat_band(f"path/{name}", points, BELIEF_WIDTH, BELIEF_Z, BELIEF)
 
 
-def look_at(snapshots: Sequence[Snapshot]) -> Iterator[Command]:
-    """Yield the commands that show all bodies of some snapshots from the left, behind and above."""
+def places(snapshots: Sequence[Snapshot]) -> Array:
+    """Return where all bodies of some snapshots stand, shape (N, 2) [m]."""
     poses = [X for snapshot in snapshots for X in (*snapshot.shown.values(), *snapshot.obstacles.values())]
-    points = np.array([[X.x, X.y] for X in poses])
+    return np.array([[X.x, X.y] for X in poses])
+
+
+def framed(points: Array) -> tuple[Array, float]:
+    """Return middle, shape (2,), and radius of the circle on the floor that :func:`look_at` shows [m]."""
     low, high = points.min(axis=0), points.max(axis=0)
-    middle = 0.5 * (low + high)
-    radius = 0.14 + 0.5 * float(np.linalg.norm(high - low))
+    return 0.5 * (low + high), 0.14 + 0.5 * float(np.linalg.norm(high - low))
+
+
+def look_at(points: Array) -> Iterator[Command]:
+    """Yield the commands that show all of some points on the floor from the left, behind and above.
+
+    The points have shape (N, 2) [m].
+    """
+    middle, radius = framed(points)
     yield set_transform("Cameras/default", SE3(p=np.array([middle[0], middle[1], 0.06])))
     # The node of the camera has its y axis up, so world (x, y, z) is (x, z, -y) there.
     away = 1.3 * ZOOM * radius * np.array(VIEW_FROM)

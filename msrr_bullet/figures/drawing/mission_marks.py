@@ -17,13 +17,21 @@ from msrr_scenes.specs.scene import Scene
 STEP_M = 0.004
 #: Half the length of the bar that marks a docked pair [m].
 JOINT_M = 0.05
+#: Largest number of letters of a name in a drawing.
+_LONGEST = 12
+
+
+def short_name(unit: str) -> str:
+    """Return the name of a unit as drawings show it, without the middle of a long one."""
+    return unit if len(unit) <= _LONGEST else f"{unit[: _LONGEST // 2]}..{unit[2 - _LONGEST // 2 :]}"
 
 
 def name_of(unit: str, mission: MissionSnapshot | None) -> tuple[str, int]:
     """Return the name of a unit as drawings show it, and its colour; that of one that failed says so."""
+    shown = short_name(unit)
     if mission is not None and mission.activity(unit) is Activity.FAILED:
-        return f"{unit} failed", ALARM
-    return unit, BLACK
+        return f"{shown} failed", ALARM
+    return shown, BLACK
 
 
 def driven_way(snapshots: Sequence[Snapshot], unit: str) -> Array:

@@ -5,12 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
 
-from msrr_bullet.figures.drawing.canvas import PAPER, Image, Key, bgr, table, titled
+from msrr_bullet.figures.drawing.canvas import (
+    PAPER,
+    TABLE_ROW,
+    TABLE_WIDTH,
+    Image,
+    Key,
+    bgr,
+    on_paper,
+    table,
+    titled,
+)
 from msrr_bullet.figures.film.film_file import RATE, FilmError, FilmFile
 from msrr_bullet.figures.film.scene_view import SceneView
 from msrr_bullet.figures.frames.annotation import AnnotatedFrame
@@ -142,19 +152,43 @@ def _room_for_image(
     return width, max(1, height - len(text) - below)
 
 
+class _Text(NamedTuple):
+    """Text around an image: lines above, legend and height of a table [px] below, width of one beside it."""
+
+    title: Sequence[str]
+    legend: Sequence[Key]
+    below: int
+    beside: int
+
+
 def _fitted(frame: AnnotatedFrame, width: int, height: int) -> Image:
-    """Return a frame with its text, made to fit into a room of a width and a height [px]."""
-    title, legend = frame.title, frame.legend
-    if width < _WIDE:
-        title, legend = (frame.caption, frame.title[-1]), ()
-    rows = [table(frame.table, width)] if frame.table and width >= _WIDE else []
-    room = _room_for_image(width, height, len(title), legend, sum(map(len, rows)))
-    scale = min(room[0] / frame.image.shape[1], room[1] / frame.image.shape[0])
-    image = frame.image
-    if scale != 1.0:
-        shape = round(scale * image.shape[1]), round(scale * image.shape[0])
+    """Return a frame with its text, made to fit into a room of a width and a height [px].
+
+    Of the table, the legend and the title there is as much as leaves half of the height to the image.
+    """
+    choices = [_Text((frame.caption, frame.title[-1]), (), 0, 0)]
+    if width >= _WIDE:
+        beside = min(TABLE_WIDTH, width // 2)
+        around = [(TABLE_ROW * len(frame.table), 0), (0, beside), (0, 0)] if frame.table else [(0, 0)]
+        choices = [*(_Text(frame.title, frame.legend, *room) for room in around), *choices]
+    sizes = [_image_size(frame.image, text, width, height) for text in choices]
+    enough = (k for k, (_, high) in enumerate(sizes) if 2 * high >= height)
+    k = next(enough, max(range(len(sizes)), key=lambda i: sizes[i][1]))
+    text, shape, image = choices[k], sizes[k], frame.image
+    if shape != image.shape[1::-1]:
         image = cv2.resize(image, shape, interpolation=cv2.INTER_AREA).astype(np.uint8)
-    paper: Image = np.full((image.shape[0], width, 3), bgr(PAPER), dtype=np.uint8)
-    left = (width - image.shape[1]) // 2
+    paper: Image = np.full((image.shape[0], width - text.beside, 3), bgr(PAPER), dtype=np.uint8)
+    left = (width - text.beside - image.shape[1]) // 2
     paper[:, left : left + image.shape[1]] = image
-    return np.concatenate([titled(paper, title, legend), *rows])
+    part = titled(paper, text.title, text.legend)
+    if text.beside:
+        rows = table(frame.table, text.beside)
+        return np.concatenate([part, on_paper(rows, text.beside, len(part))], axis=1)
+    return np.concatenate([part, table(frame.table, width)]) if text.below else part
+
+
+def _image_size(image: Image, text: _Text, width: int, height: int) -> tuple[int, int]:
+    """Return width and height [px] of an image in the room that text leaves to it."""
+    room = _room_for_image(width - text.beside, height, len(text.title), text.legend, text.below)
+    scale = min(room[0] / image.shape[1], room[1] / image.shape[0])
+    return max(1, round(scale * image.shape[1])), max(1, round(scale * image.shape[0]))

@@ -78,8 +78,8 @@ def draw_mission_chart(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) 
     handles = [*_bars(activities), *_marks(kinds, silent)]
     axes.legend(
         handles=handles,
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
+        loc="lower right",  # the names of the units may be long
+        bbox_to_anchor=(1.0, 1.0),
         ncols=3,
         fontsize=7,
         frameon=False,
@@ -117,9 +117,9 @@ def _draw_span(axes: Axes, row: int, span: Span, end: float) -> None:
         hatch=_HATCH if waits else None,
     )
     if span.waits_for is not None and span.end_s - span.start_s > _MIN_NAMED * end:
-        _write(
-            axes, 0.5 * (span.start_s + span.end_s), row + 0.28 * _BAR, f"for {span.waits_for}", ha="center"
-        )
+        label = _write(axes, span.start_s + 0.004 * end, row + 0.28 * _BAR, f"for {span.waits_for}")
+        room = Rectangle((span.start_s, row - 0.5), span.end_s - span.start_s, 1.0, transform=axes.transData)
+        label.set_clip_path(room)
 
 
 def _write(axes: Axes, x: float, y: float, text: str, ha: str = "left", va: str = "center") -> Text:

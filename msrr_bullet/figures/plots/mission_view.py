@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.transforms import ScaledTranslation
 
 from msrr_bullet.collision.footprint import unit_parts
-from msrr_bullet.figures.drawing.mission_marks import docked_pairs, driven_way, name_of
+from msrr_bullet.figures.drawing.mission_marks import docked_pairs, driven_way, name_of, short_name
 from msrr_bullet.figures.plots.axes import draw_body, halo
 from msrr_bullet.timeline.palette import ALARM, BLACK, DARK, css, unit_colours
 from msrr_bullet.timeline.routes import Routes, part_of
@@ -44,7 +44,7 @@ def draw_mission_view(axes: Axes, scene: Scene, snapshots: Sequence[Snapshot]) -
     waits = _draw_waits(axes, last)
     for unit, colour in colours.items():
         if math.dist(first.units[unit].translation, last.units[unit].translation) >= 0.1:
-            _write(axes, first.units[unit], unit, css(colour), 9)
+            _write(axes, first.units[unit], short_name(unit), css(colour), 9)
         text, ink = name_of(unit, last.mission)
         _write(axes, last.units[unit], text, css(ink), 10)
     below = ScaledTranslation(0.0, -_LABELS_PT / 72.0, axes.figure.dpi_scale_trans)

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Polygon
 
+from msrr_bullet.figures.drawing.mission_marks import short_name
 from msrr_bullet.figures.plots import curves
 from msrr_bullet.figures.plots.mission_chart import draw_mission, mission_height
 from msrr_bullet.figures.plots.style import save
@@ -107,7 +108,7 @@ def _draw_onboard(axes: Axes, view: CameraView) -> None:
         axes.add_patch(Polygon(outline, fill=False, edgecolor=css(DETECTION)))
         x, y = (float(a) for a in tag.corners.mean(axis=0))
         axes.annotate(str(tag.tag_id), (x, y), color=css(DETECTION), fontsize=7, ha="center")
-    unit, time = carrier_of(view.exposure.camera) or "", seconds(view.stamp_ns)
+    unit, time = short_name(carrier_of(view.exposure.camera) or ""), seconds(view.stamp_ns)
     title = f"onboard {unit}, {time:.2f} s, tags found: {len(view.tags)}"
     axes.set_title(fill(title, _TITLE), fontsize=8)
     axes.set_axis_off()

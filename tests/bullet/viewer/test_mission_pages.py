@@ -15,6 +15,7 @@ from msrr_bullet.viewer.mission_nodes import WAITS_OFF, MissionNodes
 from msrr_bullet.viewer.plots import plots_of_run
 from msrr_bullet.viewer.readings import HEADINGS, UNIT_READINGS, changes, readings, unit_readings
 from msrr_bullet.viewer.replay_page import write_replay
+from msrr_bullet.viewer.scene_graph import framed, places
 
 
 @pytest.fixture(scope="module")
@@ -153,3 +154,21 @@ def test_a_scene_without_a_base_station_has_no_such_nodes(drive):
     assert not list(nodes.build())
     assert not list(nodes.node_states(drive.snapshots[0]))
     assert not list(nodes.live_routes(drive.snapshots[0]))
+
+
+def test_the_live_view_is_moved_back_only_when_a_body_has_driven_out_of_it(mission_run):
+    """It showed what was there at the start: units that drove off were beside it for the rest of the run."""
+    viewer = LiveViewer.__new__(LiveViewer)  # without a server
+    viewer._framed = None
+    start = places(mission_run.snapshots[:1])
+    assert list(viewer._look_again(start))
+    before = framed(viewer._framed)
+    assert not list(viewer._look_again(start))
+    assert not list(viewer._look_again(start + 0.1))
+    for way in np.array([[3.0, 0.0], [0.0, -4.0]]):
+        far = start + way
+        assert list(viewer._look_again(far))
+        assert not list(viewer._look_again(far))
+        middle, radius = framed(viewer._framed)
+        assert radius > before[1]
+        assert np.hypot(*(np.concatenate([start, far]) - middle).T).max() < radius

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from msrr_bullet.figures.drawing.canvas import BAR, Canvas, Key, titled
+from msrr_bullet.figures.drawing.mission_marks import short_name
 
 
 def test_points_far_outside_and_unknown_points_are_not_drawn() -> None:
@@ -33,3 +35,10 @@ def test_title_and_legend_take_lines_above_and_below() -> None:
     framed = titled(image, ["a title that is too long for two hundred pixels", "second line"], legend)
     assert framed.shape == (30 + 2 * BAR + 2 * BAR, 200, 3)
     assert np.array_equal(framed[2 * BAR : 2 * BAR + 30], image)
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"), [("a", "a"), ("twelve_chars", "twelve_chars"), ("thirteen_char", "thirte..char")]
+)
+def test_a_long_name_loses_its_middle(name: str, shown: str) -> None:
+    assert short_name(name) == shown

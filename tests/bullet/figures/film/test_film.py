@@ -10,10 +10,12 @@ import pytest
 
 from msrr_bullet.cli.app import run
 from msrr_bullet.cli.exit_codes import BAD_INPUT
+from msrr_bullet.figures.drawing.canvas import Key
 from msrr_bullet.figures.film.body_renderer import BodyRenderer
-from msrr_bullet.figures.film.film import write_film
+from msrr_bullet.figures.film.film import MIN_SIZE, SIZE, _fitted, write_film
 from msrr_bullet.figures.film.film_file import ENDINGS, FilmError, FilmFile
 from msrr_bullet.figures.film.scene_view import MARGIN, SceneView, look_at_all
+from msrr_bullet.figures.frames.annotation import AnnotatedFrame
 from msrr_bullet.log import read_log
 from msrr_perception.detection.detector import PupilDetector
 from msrr_scenes.geometry.pinhole import PinholeCamera
@@ -129,6 +131,21 @@ def test_the_command_films_a_run_that_has_no_pixels(blind_run, capsys):
     assert run(["film", str(blind_run), "--show", "all", "--size", "320x240", "--speed", "40"]) == 0
     assert len(pictures_of(blind_run / "film.mp4")[1]) > 3
     assert "film.mp4" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("size", [MIN_SIZE, (640, 360), (600, 240), SIZE], ids=str)
+@pytest.mark.parametrize("units", [0, 2, 6, 16, 50])
+def test_a_frame_fits_into_its_part_of_the_film_whatever_its_table_has(size, units):
+    """A table of many units left no room to the image, and a film of them ended in an error."""
+    rows = tuple((k, (f"u{k}", "driving", "docks to u1.rear")) for k in range(units))
+    legend = tuple(Key(k, f"what the colour {k} means") for k in range(6))
+    image = np.zeros((960, 1280, 3), dtype=np.uint8)
+    frame = AnnotatedFrame(image, ("first line", "second line", "third"), "short", legend, rows)
+    part = _fitted(frame, *size)
+    assert part.shape[1] == size[0]
+    assert part.shape[0] <= size[1]
+    black = int((part == 0).all(axis=2).any(axis=1).sum())
+    assert black >= 0.5 * size[1]
 
 
 def test_the_camera_sees_everything_and_is_as_near_as_it_can():
