@@ -94,7 +94,9 @@ class KinematicPort(PortMechanism):
         self._length = mechanism.pin_length
         self._X_UP = geometry.port(step.port)
         self._X_TD = target.dock_frame(step.target_port)
-        self._half_width = face_half_width(target, step.target_port)
+        # Of a round body only a line is in the plane of the face.
+        pins = max(map(abs, mechanism.pins)) + mechanism.mouth
+        self._half_width = max(face_half_width(target, step.target_port), pins)
         self._engaged = False
         self._touching = False
         self.plugged = False

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -21,6 +20,7 @@ from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import Solid, read_solid
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
 from msrr_scenes.geometry.urdf_tree import set_origin, urdf_origin
+from msrr_scenes.geometry.wheels import WHEEL_LINKS
 
 #: Distance that is kept between a tag and the shapes behind and beside it [m].
 _APART_M = 0.0003
@@ -247,10 +247,9 @@ def _cut(solid: Solid, back_U: Array, missing: float) -> tuple[tuple[float, ...]
 
 def _build_wheels(robot: Element, drawn: UnitGeometry, drive: BuiltDrive) -> None:
     """Give the wheels their true radius and track; the axle rises with a wheel, and the body stays level."""
-    for side, scale in zip(("left", "right"), drive.radius_scale, strict=True):
-        name = f"wheel_{side}"
+    for name, side, scale in zip(WHEEL_LINKS, (1.0, -1.0), drive.radius_scale, strict=True):
         joint = joint_of(robot, name)
-        contact = math.copysign(0.5 * drawn.track, drawn.frame(name).p[1])
+        contact = 0.5 * side * drawn.track  # the frame of a wheel may lie in the middle of the axle
         shift_U = np.array([0.0, (drive.track_scale - 1.0) * contact, (scale - 1.0) * drawn.wheel_radius])
         parent = joint.find("parent")
         assert parent is not None, "read_unit has checked that every joint has a parent"

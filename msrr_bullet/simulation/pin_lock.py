@@ -22,6 +22,7 @@ from msrr_bullet.simulation.solver import exact_forces
 from msrr_bullet.simulation.unit_body import ROOT, UnitBody
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.arrays import Array
+from msrr_scenes.geometry.pin_and_hole import bounds
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.specs.plan import DockStep
 from msrr_scenes.specs.vehicle import LockSpec
@@ -58,8 +59,9 @@ class PinLock(PortMechanism):
         self._X_UP = self._unit.geometry.frame(f"port_{step.port}")
         port = f"port_{step.target_port}"
         self._X_TP = self._target.geometry.frame(port)
-        holes = [self._target.geometry.frame(f"{port}_hole_{side}").p for side in SIDES]
-        self._X_TH = SE3(self._X_TP.R, np.mean(holes, axis=0))  # in the middle of the holes
+        holes = [bounds(self._target.geometry, f"{port}_hole_{side}", SE3()) for side in SIDES]
+        drawn = [hole.mean(axis=0) for hole in holes if hole is not None]
+        self._X_TH = SE3(self._X_TP.R, np.mean(drawn, axis=0).round(9))  # in the middle of the holes
         self._constraint: int | None = None
         self._contact_disabled = False
 

@@ -8,6 +8,7 @@ from msrr_bullet.plant.kinematic_port import PLUG_LENGTH
 from msrr_bullet.silent_pybullet import pybullet
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import GeometryError
+from msrr_scenes.geometry.pin_and_hole import bounds
 from msrr_scenes.geometry.se3 import SE3
 
 PLUG_RGBA = (0.2, 0.2, 0.2, 1.0)
@@ -32,17 +33,21 @@ class PortPlug:
         self._client, self._world, self._unit = world.client, world, unit
         owner = world.unit(unit)
         self._X_WU = X_WU = world.pose3(unit)
-        holes = [s for s in owner.geometry.solids if s.link.startswith(f"port_{port}_hole_")]
+        X_UP = owner.geometry.frame(f"port_{port}")
+        links = [f"port_{port}_hole_{side}" for side in ("left", "right")]
+        holes = [b for link in links if (b := bounds(owner.geometry, link, X_UP.inverse())) is not None]
         if not holes:
             raise GeometryError(f"unit {unit!r}: port {port!r} has no holes to plug")
         self.bodies: list[int] = []
         self._places: list[SE3] = []
-        for hole in holes:
-            # The bottom of a hole is a box whose x axis points out of the face; the plug stands on it.
-            thickness, width, height = hole.size
+        for low, high in holes:
+            # The plug stands on the bottom of the hole; x of the port points out of its face.
+            _, width, height = high - low
             half = [0.5 * PLUG_LENGTH, 0.5 * width, 0.5 * height]
-            X_UP = hole.X_UG @ SE3(p=np.array([0.5 * (thickness + PLUG_LENGTH), 0.0, 0.0]))
-            X_WG = X_WU @ X_UP
+            middle = 0.5 * (low + high)
+            middle[0] = high[0] + 0.5 * PLUG_LENGTH
+            X_UG = X_UP @ SE3(p=middle)
+            X_WG = X_WU @ X_UG
             body: int = pybullet.createMultiBody(
                 baseMass=0.0,
                 baseCollisionShapeIndex=pybullet.createCollisionShape(
@@ -58,7 +63,7 @@ class PortPlug:
             for link in owner.links.values():
                 pybullet.setCollisionFilterPair(owner.body, body, link, -1, 0, physicsClientId=self._client)
             self.bodies.append(body)
-            self._places.append(X_UP)
+            self._places.append(X_UG)
 
     def follow(self) -> None:
         """Place the bodies where the unit has moved them."""

@@ -15,6 +15,7 @@ from msrr_scenes.as_built import BuiltUnit
 from msrr_scenes.errors import GeometryError, UnknownNameError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.unit_geometry import UnitGeometry, read_unit
+from msrr_scenes.geometry.wheels import WHEEL_LINKS
 from msrr_scenes.temporary_files import room_for_temporary_files
 
 #: Link index by which PyBullet names a body's root link.
@@ -77,7 +78,7 @@ def load_unit(
     for joint in range(pybullet.getNumJoints(body, physicsClientId=client)):
         about = pybullet.getJointInfo(body, joint, physicsClientId=client)
         links[about[12].decode()] = joint
-        if about[2] != pybullet.JOINT_FIXED and not about[12].startswith(b"wheel_"):
+        if about[2] != pybullet.JOINT_FIXED and about[12].decode() not in WHEEL_LINKS:
             # PyBullet brakes every joint. Wheels have motors of their own; the wheel of a caster has none.
             pybullet.setJointMotorControl2(
                 body, joint, pybullet.VELOCITY_CONTROL, force=0.0, physicsClientId=client
@@ -86,7 +87,7 @@ def load_unit(
     X_RI = SE3.from_quaternion_xyzw(info[3], info[4])
     X_IU = X_RI.inverse() @ geometry.frame(root).inverse()
     true = geometry if built is None else built.geometry
-    return UnitBody(body, links, true, X_IU, (links["wheel_left"], links["wheel_right"]))
+    return UnitBody(body, links, true, X_IU, (links[WHEEL_LINKS[0]], links[WHEEL_LINKS[1]]))
 
 
 @room_for_temporary_files()

@@ -11,6 +11,7 @@ from msrr_scenes.checks.problems import KeyPath, Problem
 from msrr_scenes.checks.references import camera_names, step_key, unknown_unit
 from msrr_scenes.errors import nearest
 from msrr_scenes.messages import OVERHEAD
+from msrr_scenes.placement.placement import FRONT
 from msrr_scenes.specs.faults import CameraBlackout, EncoderStuck, MarkerHidden, PortPlugged, SeatSwitchStuck
 from msrr_scenes.specs.plan import (
     DockStep,
@@ -53,6 +54,9 @@ def mission_problems(scene: Scene) -> list[Problem]:
         if isinstance(step, DockStep) and step.calibrate:
             text = "only units on their own calibrate, and a base station leads these; leave it out"
             problems.append(Problem(("plan", i, "calibrate"), text))
+        if isinstance(step, DockStep) and step.port != FRONT:
+            text = f"units that a base station leads dock with their port {FRONT}, found {step.port!r}"
+            problems.append(Problem(("plan", i, "port"), text))
     problems += move_problems(scene)
     overhead = scene.cameras.overhead
     if overhead is None:

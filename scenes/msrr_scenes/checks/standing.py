@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from msrr_scenes.geometry.inertial import whole_inertial
 from msrr_scenes.geometry.unit_geometry import UnitGeometry
+from msrr_scenes.geometry.wheels import WHEEL_LINKS
 
 #: Largest pitch of a robot that stands [rad]. Robots take themselves and others to stand as designed.
 #: Pins of a robot of 0.34 m jammed above or below the holes at 0.6 degrees, and did not at 0.3.
@@ -42,13 +43,13 @@ class _Support(NamedTuple):
 def standing_problems(geometry: UnitGeometry) -> tuple[str, ...]:
     """Return why a robot does not stand level on its wheels, or does not turn there, in words."""
     # The frame axle may be drawn a little above or below the ground that the wheels reach to.
-    wheels = [s for s in geometry.solids if s.link in ("wheel_left", "wheel_right")]
+    wheels = [s for s in geometry.solids if s.link in WHEEL_LINKS]
     ground = sum(float(wheel.X_UG.p[2]) for wheel in wheels) / len(wheels) - geometry.wheel_radius
     points = [
         _Support(solid.link, float(x), float(z) - ground)
         for solid in geometry.solids
-        if not solid.link.startswith("wheel_")
-        for x, _, z in solid.points()
+        if solid.link not in WHEEL_LINKS
+        for x, _, z in (*solid.points(), solid.lowest())
         if abs(x) > _BESIDE_M
     ]
     # A pitch is positive to the front, where it lets down what is ahead of the axle.

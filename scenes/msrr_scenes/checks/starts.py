@@ -101,8 +101,10 @@ def _above_the_camera(scene: Scene) -> Iterator[Problem]:
         ("obstacles", name, "height_m"): spec.height_m + TAG_PLATE_M for name, spec in scene.obstacles.items()
     }
     for unit in scene.units:
-        frames = scene.geometry(unit).frames.values()
-        heights["units", unit, "urdf"] = max(float(X_UF.p[2]) for X_UF in frames)
+        geometry = scene.geometry(unit)
+        frames = [float(X_UF.p[2]) for X_UF in geometry.frames.values()]
+        shapes = [float(solid.points()[:, 2].max()) for solid in geometry.solids]
+        heights["units", unit, "urdf"] = max(*frames, *shapes)
     for path, height in heights.items():
         if height >= camera.height_m:
             text = (

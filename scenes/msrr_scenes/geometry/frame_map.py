@@ -16,6 +16,7 @@ from xml.etree.ElementTree import Element, SubElement
 from msrr_scenes.errors import GeometryError, nearest
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.urdf_tree import LinkTree, set_origin
+from msrr_scenes.geometry.wheels import WHEEL_LINKS
 
 #: Links that have shapes, contacts or joints of their own; a pose cannot stand for one of them.
 _BODIES = re.compile(r"wheel_(left|right)|pin_(left|right)|port_[^_]+_hole_(left|right)")
@@ -82,7 +83,7 @@ def check_rigid(tree: LinkTree) -> None:
         GeometryError: There is one; the message names the joint.
     """
     for name in tree.links:
-        if not _FRAMES.fullmatch(name) or name.startswith("wheel_"):
+        if not _FRAMES.fullmatch(name) or name in WHEEL_LINKS:
             continue
         for link in tree.chain(name)[:-1]:
             kind = tree.joints[link].get("type")

@@ -82,6 +82,21 @@ class Solid:
         vertices = obj_vertices(self.mesh) if self.part is None else obj_objects(self.mesh)[self.part]
         return self.X_UG.act(vertices * np.asarray(self.size))
 
+    def lowest(self) -> Array:
+        """Return a point in U that is as low as any of the shape, shape (3,) [m], also of a round one."""
+        axis: Array = self.X_UG.R[:, 2]
+        tilt = math.hypot(axis[0], axis[1])
+        points = self.points()
+        lowest: Array = points[points[:, 2].argmin()]
+        if self.kind == "sphere":
+            lowest = self.X_UG.p - np.array([0.0, 0.0, self.size[0]])
+        elif self.kind == "cylinder" and tilt > 0.0:
+            radius, length = self.size
+            down = -math.copysign(1.0, axis[2]) * axis
+            rim = np.array([-down[0] * down[2], -down[1] * down[2], tilt**2]) / -tilt
+            lowest = self.X_UG.p + 0.5 * length * down + radius * rim
+        return lowest
+
 
 def read_solids(link: str, X_UL: SE3, collision: Element) -> list[Solid]:
     """Return the convex shapes of a ``<collision>``, one for each object of a mesh (:func:`read_solid`)."""

@@ -185,7 +185,8 @@ class UnitGeometry:
         Raises:
             GeometryError: The unit has no pins.
         """
-        return float(np.mean([float(solid.X_UG.p[2]) for solid in self.pin_solids()]))
+        heights = [solid.points()[:, 2] for solid in self.pin_solids()]
+        return round(float(np.mean([0.5 * (z.min() + z.max()) for z in heights])), 9)
 
     def pin_solids(self) -> list[Solid]:
         """Return the collision shapes of the pins, one at least.
@@ -196,7 +197,7 @@ class UnitGeometry:
         found = [solid for solid in self.solids if solid.link in self.pins]
         if not found:
             raise GeometryError(
-                f"{self.urdf}: no link named pin_* has a collision shape; a unit docks by pins"
+                f"{self.urdf}: neither pin_left nor pin_right has a collision shape; a unit docks by pins"
             )
         return found
 
@@ -216,8 +217,8 @@ class UnitGeometry:
 
     @cached_property
     def pins(self) -> tuple[str, ...]:
-        """Links of the pins of the active port."""
-        return tuple(name for name in self.frames if name.startswith("pin_"))
+        """Links of the pins of the active port; a link of another name, such as ``pin_cover``, is none."""
+        return tuple(name for name in self.frames if name in ("pin_left", "pin_right"))
 
     @cached_property
     def footprint(self) -> Array:
@@ -263,7 +264,13 @@ def _check_markers(path: Path, links: Collection[str]) -> None:
         missing = [name for name in marker_links(port) if name not in links]
         others = [name for name in links if name.startswith(f"port_{port}_marker_")]
         others = [name for name in others if name not in marker_links(port)]
-        mistaken = [name for name in missing if difflib.get_close_matches(name, others, n=1, cutoff=0.95)]
+        # Several on one side, as left1 and left2, are no mistake.
+        mistaken = [
+            name
+            for name in missing
+            if difflib.get_close_matches(name, others, n=1, cutoff=0.95)
+            and sum(other.rstrip("0123456789") == name for other in others) < 2
+        ]
         if mistaken:
             raise GeometryError(
                 f"{path}: port {port!r} lacks the link(s) {', '.join(mistaken)}{nearest(mistaken[0], others)}"

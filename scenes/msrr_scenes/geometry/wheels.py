@@ -13,6 +13,9 @@ from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se3 import SE3
 from msrr_scenes.geometry.solid import Solid
 
+#: Links of the driven wheels; a link of another name, such as ``wheel_rear``, is none.
+WHEEL_LINKS = ("wheel_left", "wheel_right")
+
 #: Largest distance of the frame axle, or of a shape of a wheel, from where it belongs [m].
 _TOLERANCE_M = 1e-3
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection
 from typing import Annotated, Any, Literal
 
@@ -18,6 +19,9 @@ from msrr_scenes.specs.mount import FrameSpec, LinkName, MountSpec
 from msrr_scenes.specs.spec import Coordinate, FileName, Name, PoseSpec, Size, Spec, Time
 from msrr_scenes.specs.tag_families import FAMILIES, TAG36H11, FamilyName, TagFamily
 from msrr_scenes.specs.tag_map import TagMapSpec
+
+#: Links of the tags on the masts of ports.
+_MAST = re.compile("port_[^_]+_marker_middle")
 
 TAGS_PER_UNIT = 10
 
@@ -80,7 +84,7 @@ class TagsSpec(Spec):
         """Return the edge [m] of the black square of the tag on link ``slot``."""
         if slot == "tag_top":
             return self.top_m
-        return self.mast_m if slot.endswith("_middle") else self.side_m
+        return self.mast_m if _MAST.fullmatch(slot) else self.side_m
 
 
 class MarkerSpec(Spec):

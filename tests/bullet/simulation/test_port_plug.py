@@ -1,5 +1,7 @@
 """The plug of a port: where the bodies stand, what they collide with, and their removal."""
 
+import re
+
 import numpy as np
 import pybullet
 import pytest
@@ -10,6 +12,7 @@ from msrr_bullet.simulation.port_plug import PortPlug
 from msrr_bullet.simulation.world import BulletWorld
 from msrr_scenes.errors import GeometryError
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.unit_geometry import find_urdf
 from msrr_scenes.messages import Twist
 from tests.bullet.conftest import before_port, two_units
 
@@ -78,3 +81,21 @@ def test_a_plug_stays_in_the_port_of_a_unit_that_drives(world):
 def test_a_port_without_holes_cannot_be_plugged(world):
     with pytest.raises(GeometryError, match="'front' has no holes"):
         PortPlug(world, "b", "front")
+
+
+def test_a_plug_stands_on_the_bottom_of_a_hole_however_that_box_is_turned(tmp_path):
+    """Where the x axis of the box pointed into the unit, the plug stood behind the bottom."""
+    text, places = find_urdf("unit.urdf").read_text(), []
+    for yaw in (0.0, np.pi):
+        drawn = text
+        for link in re.findall(r'<link name="port_rear_hole_.*?</link>', text, re.DOTALL):
+            drawn = drawn.replace(link, link.replace('xyz="0 0 0"', f'xyz="0 0 0" rpy="0 0 {yaw}"'))
+        path = tmp_path / f"{yaw}.urdf"
+        path.write_text(drawn)
+        units = {name: {"number": k + 1, "urdf": str(path)} for k, name in enumerate("ab")}
+        scene = two_units(units=units)
+        with BulletWorld(scene, before_port(scene, SE2(-0.5, 0.0, 0.0))) as world:
+            bodies = PortPlug(world, "b", "rear").bodies
+            at = [pybullet.getBasePositionAndOrientation(b, physicsClientId=world.client)[0] for b in bodies]
+            places.append(at)
+    np.testing.assert_allclose(places[0], places[1], atol=1e-9)
