@@ -30,7 +30,8 @@ _BESIDE_WALL_M = 0.02
 #: Distance from a place to turn up to which a unit stands there already [m].
 _THERE_M = 0.1
 
-#: Directions of arrival that are tried where the unit turns at the end and cannot come straight [rad].
+#: Directions of arrival, from that of the end, that are tried where the unit turns there and cannot come
+#: straight [rad].
 _ARRIVALS = tuple(0.25 * math.pi * k for k in range(8))
 
 #: Number of points by which a line is checked for being free.
@@ -245,20 +246,23 @@ class RoutePlanner:
             yield self._route(path, "staged", arena, seconds_after=turn + self._travel_time(distance))
 
     def _turned_route(self, arena: ArenaMap, margin: float) -> Route | None:
-        """Return a route to the end on whatever heading, for a unit that turns there; None if there is none.
+        """Return the best route to the end on whatever heading, for a unit that turns there; None without any.
 
-        Where its controlled point keeps out of all discs on a way that stops there, the unit can turn.
+        Where its controlled point keeps out of all discs on a way that stops there, the unit can turn. It
+        comes straight if it can.
         """
         space = self.margins.free_space(arena, [self.margins.around_disc(o, margin) for o in arena.obstacles])
         X_WP, l = self.spec.handover(arena.X_WD) @ SE2(-self.offset, 0.0, 0.0), self.offset
-        goals, radius = [Goal(X_WP.x, X_WP.y)], max(min(self.spec.turn_radius_m), 2.0 * l)
-        for X_WB in (SE2(X_WP.x, X_WP.y, yaw) @ SE2(-l, 0.0, 0.0) for yaw in _ARRIVALS):
-            goals.append(Goal(X_WB.x, X_WB.y, X_WB.yaw, radius))  # l before the end: the axle trails
-        for goal in goals:
-            path = self._path_around(space, arena, goal, l if goal.heading is None else 2.0 * l)
-            if path is not None:
-                return self._route(path, "turned", arena)
-        return None
+        straight = self._path_around(space, arena, Goal(X_WP.x, X_WP.y), l)
+        paths, radius = [straight], max(min(self.spec.turn_radius_m), 2.0 * l)
+        for arrival in _ARRIVALS if straight is None else ():
+            X_WB = X_WP @ SE2(0.0, 0.0, arrival) @ SE2(-l, 0.0, 0.0)  # l before the end: the axle trails
+            paths.append(self._path_around(space, arena, Goal(X_WB.x, X_WB.y, X_WB.yaw, radius), 2.0 * l))
+        routes = []
+        for path in filter(None, paths):
+            turn = abs(wrap_angle(X_WP.yaw - float(path.at(path.length).heading)))
+            routes.append(self._route(path, "turned", arena, seconds_after=turn / self.spec.turn_radps))
+        return min(routes, key=lambda route: route.seconds, default=None)
 
     def _path_around(self, space: FreeSpace, arena: ArenaMap, goal: Goal, straight: float) -> Path | None:
         """Return the shortest path to a goal and ``straight`` [m] beyond it, None if it is not free."""

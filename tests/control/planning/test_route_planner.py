@@ -1,6 +1,7 @@
 """Routes from anywhere to the place in front of the port, through free space, or none."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -243,3 +244,21 @@ def test_it_turns_where_it_stands_if_it_can_and_nowhere_without_room() -> None:
     assert PLANNER.margins.way_to_turn(free, 0.3) == 0.0
     posts = [_obstacle(f"o{k}", 0.3 * math.cos(a), 0.3 * math.sin(a), 0.05) for k, a in enumerate(fence)]
     assert PLANNER.margins.way_to_turn(_arena(SE2(0.0, 0.0, 1.0), *posts), 0.3) is None
+
+
+def test_a_route_that_ends_with_a_turn_is_as_long_in_the_mirrored_arena() -> None:
+    """It came from the first direction that was free, of those in the world: detours of up to 10 s."""
+    rng, found = np.random.default_rng(5), 0
+    while found < 60:
+        poses = rng.uniform((-1.7, -1.3, -3.0), (1.7, 1.3, 3.0), (2, 3)).tolist()
+        posts = rng.uniform((-1.7, -1.3, 0.04), (1.7, 1.3, 0.15), (8, 3)).tolist()
+        seconds = []
+        for along, across in product((1.0, -1.0), repeat=2):
+            turned = 0.0 if along > 0.0 else math.pi  # mirrored in x, a heading a is at pi - a
+            X_WU, X_WD = (SE2(along * x, across * y, turned + along * across * yaw) for x, y, yaw in poses)
+            obstacles = [_obstacle(f"o{k}", along * x, across * y, r) for k, (x, y, r) in enumerate(posts)]
+            arena = ArenaMap(X_WU, X_WD, (), tuple(obstacles))
+            route = PLANNER._turned_route(arena, 0.0)
+            seconds.append(math.inf if route is None else route.seconds)
+        assert seconds == pytest.approx([seconds[0]] * 4, abs=1e-6)
+        found += math.isfinite(seconds[0])
