@@ -57,7 +57,8 @@ steps.
 SLOPES = """\
 ## Per unit
 Change of the signed errors at contact per unit of the effect, root mean square with its 95 % interval. *To
-one side*: the part that is the same in every trial, positive to the left.
+one side*: the part that is the same in every trial, positive to the left. {chance}
+Where the lower bound is 0 then, an effect cannot be told from chance.
 """
 
 
@@ -93,7 +94,7 @@ def page(study: ToleranceStudy) -> str:
             FIRST,
             table(wording.FIRST_COLUMNS, map(wording.first_cells, found)),
             FIGURE_TEXT.format(figure=f"../{FIGURE.as_posix()}"),
-            SLOPES,
+            SLOPES.format(chance=wording.chance(study)),
             table(columns, map(slope_cells, study.effects)),
         ]
     )

@@ -26,6 +26,9 @@ RANGE = 16.0
 #: eighth pixel of the frame, its drawing at every one.
 _INSIDE = 0.95
 
+#: Size of an error that is too small to matter, in standard deviations of the grade ``careful``.
+_NEGLIGIBLE = 1e-3
+
 #: Sizes by which effects are compared that no grade has, in the units of their keys.
 _COMPARED = {
     **dict.fromkeys(("k2", "k3"), 0.01),
@@ -81,6 +84,7 @@ def as_designed_scene(scene: Scene) -> Scene:
     """Return the scene with its tolerances, which the robots know, and without any true error.
 
     Its cameras have the optics of perfect calibration where they have those of a grade: each effect is alone.
+    The encoders are those of the scene: under a grade they err as the wheels do, and by nothing of their own.
     """
     groups: dict[str, dict[str, Deviation]] = {}
     for group, quantity, deviation in scene.as_built.deviations():
@@ -90,7 +94,16 @@ def as_designed_scene(scene: Scene) -> Scene:
         group: getattr(scene.as_built, group).model_copy(update=zero) for group, zero in groups.items()
     }
     as_built = scene.as_built.model_copy(update=updates)
-    return scene.at_grade("perfect").model_copy(update={"as_built": as_built})
+    return scene.at_grade("perfect").model_copy(update={"as_built": as_built, "odometry": scene.odometry})
+
+
+def nearly_the_same(scene: Scene) -> Scene:
+    """Return a scene with an error that is too small to matter: whatever it changes in a trial is chance.
+
+    The course of a trial depends on each pixel, and with that on each error.
+    """
+    size = _NEGLIGIBLE * CAREFUL["drive"]["radius_left_percent"]
+    return _deviated(scene, size, group="drive", quantity="radius_left_percent", drawn=False)
 
 
 def effects_of(scene: Scene) -> tuple[Effect, ...]:

@@ -128,8 +128,9 @@ class Slope(StudyPart):
     """Change of an error at contact per unit of an effect, over pairs of trials with and without the effect.
 
     Attributes:
-        rms: Root of the squared changes over the squared sizes.
-        low: Lower bound of its 95 % interval, from the scatter of the squares between trials.
+        rms: Root of the squared changes over the squared sizes, less what chance makes of it.
+        low: Lower bound of its 95 % interval, from the scatter of the squares between trials; 0 if chance
+            may be all of it.
         high: Upper bound.
         systematic: Least squares of the signed change on the signed error, through the origin: the part that
             is the same in every trial. None for errors that are drawn for each tag.
@@ -202,6 +203,9 @@ class ToleranceStudy(StudyPart):
         all_graded: Whether all effects that the grades have and that act in the scene were tried.
         seeds: Seeds of every effect, and of the trials without any.
         drawn: Trials in which everything is as designed, with the seeds of the effects.
+        chance_lateral: Change of the lateral error at contact in a trial by an error that is too small to
+            matter, over the same seeds [mm]; None without a contact.
+        chance_yaw: The same of the yaw error [deg].
         grades: Trials with everything together, by grade.
         effects: Every effect alone.
     """
@@ -216,6 +220,8 @@ class ToleranceStudy(StudyPart):
     all_graded: bool = True
     seeds: tuple[int, ...]
     drawn: Sample
+    chance_lateral: Slope | None
+    chance_yaw: Slope | None
     grades: tuple[GradeSample, ...]
     effects: tuple[EffectResult, ...]
 

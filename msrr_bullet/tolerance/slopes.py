@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Literal
 
@@ -11,8 +12,10 @@ from scipy.special import gammaincinv, ndtri, stdtrit
 from msrr_bullet.tolerance.model import Slope, StudyTrial
 from msrr_scenes.arrays import Array
 
+ContactQuantity = Literal["lateral_mm", "yaw_deg"]
 
-def fit_slope(error: Array, change: Array, seed: Array, *, drawn: bool) -> Slope:
+
+def fit_slope(error: Array, change: Array, seed: Array, *, drawn: bool, chance: Slope | None = None) -> Slope:
     """Return the slope of signed changes over signed errors.
 
     Magnitudes of errors at contact cannot be subtracted from each other: +1 mm that becomes -1 mm is a change
@@ -25,10 +28,17 @@ def fit_slope(error: Array, change: Array, seed: Array, *, drawn: bool) -> Slope
         change: Signed error at contact minus that of the same trial without the effect, shape (N,).
         seed: Seed of the trial, shape (N,); docks of one trial need not be independent of each other.
         drawn: Whether the errors are not known but only their standard deviation.
+        chance: Changes by an error that is too small to matter, from :func:`chance_of`. Their square is taken
+            from that of the slope, the most that they may be from the lower bound of its interval, and the
+            least from the upper one.
     """
     rms = float(np.sqrt((change**2).sum() / (error**2).sum()))
     mean = float((error * change).sum() / (error**2).sum())
     low, high = _interval(error, change, seed, rms, mean)
+    if chance is not None:
+        size = float(np.mean(error**2))
+        pairs = (rms, chance.rms), (low, chance.high), (high, chance.low)
+        rms, low, high = (math.sqrt(max(all_of**2 - by**2 / size, 0.0)) for all_of, by in pairs)
     return Slope(rms=rms, low=low, high=high, systematic=None if drawn else mean, pairs=len(error))
 
 
@@ -66,22 +76,46 @@ def _interval(error: Array, change: Array, seed: Array, rms: float, mean: float)
 def contact_slope(
     with_effect: Iterable[StudyTrial],
     without: Iterable[StudyTrial],
-    quantity: Literal["lateral_mm", "yaw_deg"],
+    quantity: ContactQuantity,
     *,
     drawn: bool,
+    chance: Slope | None = None,
 ) -> Slope | None:
     """Return the slope of an error at contact, over docks that came to contact with and without the effect.
 
-    The trials have the same seeds, and ``drawn`` is that of :func:`fit_slope`.
+    The trials have the same seeds, and ``drawn`` and ``chance`` are those of :func:`fit_slope`.
     """
+    changes = _changes(with_effect, without, quantity)
+    if not changes:
+        return None
+    errors = [trial.error for trial, _ in changes]
+    seeds = [trial.seed for trial, _ in changes]
+    change = np.array([change for _, change in changes])
+    return fit_slope(np.array(errors, dtype=np.float64), change, np.array(seeds), drawn=drawn, chance=chance)
+
+
+def chance_of(
+    nearly: Iterable[StudyTrial], without: Iterable[StudyTrial], quantity: ContactQuantity
+) -> Slope | None:
+    """Return the changes of an error at contact by chance, per trial; None without a contact.
+
+    ``nearly`` are trials with an error that is too small to matter, and the same seeds.
+    """
+    changes = _changes(nearly, without, quantity)
+    if not changes:
+        return None
+    seeds, change = np.array([trial.seed for trial, _ in changes]), np.array([c for _, c in changes])
+    return fit_slope(np.ones(len(changes)), change, seeds, drawn=True)
+
+
+def _changes(
+    trials: Iterable[StudyTrial], without: Iterable[StudyTrial], quantity: ContactQuantity
+) -> list[tuple[StudyTrial, float]]:
+    """Return the changes of an error at contact against trials with the same seeds, each with its trial."""
     before = {trial.seed: trial.contacts for trial in without}
-    pairs = [
-        (trial.error, getattr(contact, quantity) - getattr(before[trial.seed][dock], quantity), trial.seed)
-        for trial in with_effect
+    return [
+        (trial, getattr(contact, quantity) - getattr(before[trial.seed][dock], quantity))
+        for trial in trials
         for dock, contact in trial.contacts.items()
         if dock in before.get(trial.seed, {})
     ]
-    if not pairs:
-        return None
-    error, change, seed = np.array(pairs, dtype=np.float64).T
-    return fit_slope(error, change, seed, drawn=drawn)

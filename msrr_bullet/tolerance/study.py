@@ -4,16 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from msrr_bullet.run_folder import ProgressListener, locked, make_folder, progress_log
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.sweep.trial_store import study_store
 from msrr_bullet.sweep.trials import one_trial, run_trials
 from msrr_bullet.sweep.worker_pool import SupportsSubmit, TrialFunction
-from msrr_bullet.tolerance.effects import Effect, as_designed_scene, effects_of, select_effects
-from msrr_bullet.tolerance.model import GradeSample, Sample, ToleranceStudy
+from msrr_bullet.tolerance.effects import (
+    Effect,
+    as_designed_scene,
+    effects_of,
+    nearly_the_same,
+    select_effects,
+)
+from msrr_bullet.tolerance.model import GradeSample, Sample, Slope, ToleranceStudy
 from msrr_bullet.tolerance.page import write_study
+from msrr_bullet.tolerance.slopes import ContactQuantity, chance_of
 from msrr_bullet.tolerance.trial_plan import Batch, EffectTrials, condition_trials
 from msrr_bullet.trial.result import TrialResult
 from msrr_bullet.trial.versions import package_versions
@@ -120,7 +127,7 @@ def tolerance_study(
     """
     base = as_designed_scene(scene)
     seeds, grade_seeds = tuple(dict.fromkeys(seeds)), tuple(dict.fromkeys(grade_seeds))  # each counts once
-    asking: list[Asking] = [condition_trials(base, seeds)]
+    asking: list[Asking] = [condition_trials(base, seeds), condition_trials(nearly_the_same(base), seeds)]
     asking += [condition_trials(scene.at_grade(grade), grade_seeds) for grade in grades]
     asking += [EffectTrials(base, effect, seeds).ask() for effect in effects]
 
@@ -145,7 +152,10 @@ def tolerance_study(
             raise KeyboardInterrupt
         return finished.outcomes
 
-    without, *others = run_in_rounds(asking, run)
+    without, nearly, *others = run_in_rounds(asking, run)
+    chance: dict[ContactQuantity, Slope | None] = {
+        quantity: chance_of(nearly, without, quantity) for quantity in get_args(ContactQuantity)
+    }
     under, alone = others[: len(grades)], others[len(grades) :]
     return ToleranceStudy(
         scene=scene.name,
@@ -157,8 +167,10 @@ def tolerance_study(
         all_graded=all_graded,
         seeds=tuple(seeds),
         drawn=Sample.of(without),
+        chance_lateral=chance["lateral_mm"],
+        chance_yaw=chance["yaw_deg"],
         grades=tuple(GradeSample.of(found, grade=grade) for grade, found in zip(grades, under, strict=True)),
-        effects=tuple(trials.result(without) for trials in alone),
+        effects=tuple(trials.result(without, chance) for trials in alone),
     )
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 
 from msrr_bullet.sweep.summary import TrialFailure
 from msrr_bullet.tolerance.effects import Effect
-from msrr_bullet.tolerance.model import ContactError, EffectResult, SizeSample, StudyTrial
-from msrr_bullet.tolerance.slopes import contact_slope
+from msrr_bullet.tolerance.model import ContactError, EffectResult, SizeSample, Slope, StudyTrial
+from msrr_bullet.tolerance.slopes import ContactQuantity, contact_slope
 from msrr_bullet.tolerance.threshold_search import threshold_search
 from msrr_bullet.trial.result import TrialResult
 from msrr_scenes.specs.scene import Scene
@@ -127,11 +127,22 @@ class EffectTrials:
         self._samples[size] = SizeSample.of(trials, size=self._effect.scale * size, holds=holds)
         return holds
 
-    def result(self, without: Sequence[StudyTrial]) -> EffectResult:
-        """Return the result, against trials with the same seeds and without any effect."""
+    def result(
+        self, without: Sequence[StudyTrial], chance: Mapping[ContactQuantity, Slope | None]
+    ) -> EffectResult:
+        """Return the result, against trials with the same seeds and without any effect.
+
+        ``chance`` is what chance changes of each error at contact.
+        """
         effect, scale = self._effect, self._effect.scale
         measured = self._samples[self._first]
         bracket = self._bracket
+        slopes = {
+            quantity: contact_slope(
+                measured.trials, without, quantity, drawn=effect.drawn, chance=changes_by_chance
+            )
+            for quantity, changes_by_chance in chance.items()
+        }
         surely = [
             sample.size
             for size, sample in self._samples.items()
@@ -152,6 +163,6 @@ class EffectTrials:
             fails=None if bracket.fails is None else scale * bracket.fails,
             surely_fails=min(surely, default=None),
             threshold=None if bracket.middle is None else scale * bracket.middle,
-            lateral=contact_slope(measured.trials, without, "lateral_mm", drawn=effect.drawn),
-            yaw=contact_slope(measured.trials, without, "yaw_deg", drawn=effect.drawn),
+            lateral=slopes["lateral_mm"],
+            yaw=slopes["yaw_deg"],
         )

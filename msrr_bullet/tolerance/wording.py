@@ -170,9 +170,25 @@ def first_cells(contribution: Contribution) -> list[str]:
         with_unit(effect.step, effect),
         limit(effect),
         NO_LIMIT if effect.threshold is None else percent(contribution.used_share),
-        f"{contribution.lateral_mm:.2f}" if measured else NONE,
+        NONE if effect.lateral is None else lateral_cell(contribution.lateral_mm, effect.lateral),
         percent(contribution.lateral_share) if measured else NONE,
     ]
+
+
+def lateral_cell(lateral_mm: float, slope: Slope) -> str:
+    """Return what an effect adds to the lateral error, and whether that may be chance."""
+    return f"{lateral_mm:.2f}{'' if slope.low > 0.0 else ', may be chance'}"
+
+
+def chance(study: ToleranceStudy) -> str:
+    """Return in a sentence what chance does to the errors at contact."""
+    lateral, yaw = slope(study.chance_lateral), slope(study.chance_yaw)
+    return (
+        f"Chance changes the lateral error at contact by {lateral} mm and the yaw error by {yaw} deg, measured "
+        "by an error that is too small to matter, for the course of a trial depends on each pixel. The squares "
+        "of this are taken off those of all slopes, with the most that it may be off the lower bound and the "
+        "least off the upper one."
+    )
 
 
 def findings(study: ToleranceStudy, found: Sequence[Contribution]) -> list[str]:

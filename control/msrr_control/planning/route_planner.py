@@ -246,7 +246,7 @@ class RoutePlanner:
             yield self._route(path, "staged", arena, seconds_after=turn + self._travel_time(distance))
 
     def _turned_route(self, arena: ArenaMap, margin: float) -> Route | None:
-        """Return the best route to the end on whatever heading, for a unit that turns there; None without any.
+        """Return the best route to the end on any heading, for a unit that turns there; None without one.
 
         Where its controlled point keeps out of all discs on a way that stops there, the unit can turn. It
         comes straight if it can.

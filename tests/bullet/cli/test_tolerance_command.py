@@ -63,6 +63,8 @@ def test_a_study_in_which_a_class_of_a_user_s_own_fails_says_so(
         versions={},
         seeds=(0, 1, 2),
         drawn=Sample.of(trials),
+        chance_lateral=None,
+        chance_yaw=None,
         grades=(),
         effects=(),
     )

@@ -4,7 +4,14 @@ import pytest
 from pydantic import ValidationError
 
 from msrr_bullet.tolerance.camera_response import RESPONSES
-from msrr_bullet.tolerance.effects import RANGE, Effect, as_designed_scene, effects_of, select_effects
+from msrr_bullet.tolerance.effects import (
+    RANGE,
+    Effect,
+    as_designed_scene,
+    effects_of,
+    nearly_the_same,
+    select_effects,
+)
 from msrr_scenes import load_scene
 from msrr_scenes.as_built import draw_as_built
 from msrr_scenes.errors import SceneError, UnknownNameError
@@ -96,3 +103,15 @@ def test_effects_are_selected_by_name_and_by_group(acting: tuple[Effect, ...]) -
     assert all(e.name.startswith("cameras.onboard.") for e in select_effects(acting, ["cameras"]))
     with pytest.raises(UnknownNameError, match=r"'onboard\.yaw'; did you mean 'onboard\.yaw_deg'\?"):
         select_effects(acting, ["onboard.yaw"])
+
+
+@pytest.mark.parametrize("grade", ["perfect", "careful"])
+def test_while_an_effect_is_alone_the_encoders_are_those_of_the_scene(grade: str) -> None:
+    """They were 2 % wrong, as in the grade perfect alone, and an error of a wheel pushed the robot aside."""
+    scene = load_scene("close_range", {"as_built": grade})
+    base = as_designed_scene(scene)
+    assert base.odometry == scene.odometry
+    assert base.odometry.scale_error == (0.02 if grade == "perfect" else 0.0)
+    near = nearly_the_same(base).as_built.drive.radius_left_percent.error
+    assert near is not None
+    assert 0.0 < near < 0.01

@@ -94,3 +94,21 @@ def test_only_docks_with_a_contact_on_both_sides_are_pairs() -> None:
     assert found.pairs == 1
     assert found.systematic == pytest.approx(0.5)
     assert contact_slope([trial(0, 2.0)], without, "lateral_mm", drawn=False) is None
+
+
+def test_what_chance_does_is_no_slope() -> None:
+    """Changes that any error makes, also one too small to matter, were counted as those of each effect."""
+    rng, error = np.random.default_rng(0), np.tile([2.0, -2.0], 20)
+    seeds = np.arange(40)
+    by_chance = rng.normal(0.0, 0.1, (3, 40))
+    chance = fit_slope(np.ones(40), by_chance[0], seeds, drawn=True)
+    harmless = fit_slope(error, by_chance[1], seeds, drawn=False, chance=chance)
+    assert harmless.low == 0.0
+    assert harmless.rms < harmless.high < 0.06
+    assert fit_slope(error, by_chance[1], seeds, drawn=False).low > 0.03
+    pushes = fit_slope(error, 0.3 * error + by_chance[2], seeds, drawn=False, chance=chance)
+    assert pushes.rms == pytest.approx(0.3, abs=0.02)
+    assert 0.2 < pushes.low < pushes.rms < pushes.high < 0.4
+    assert fit_slope(
+        error, 0.3 * error, seeds, drawn=False, chance=fit_slope(error, 0.0 * error, seeds, drawn=True)
+    ) == (fit_slope(error, 0.3 * error, seeds, drawn=False))

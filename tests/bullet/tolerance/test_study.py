@@ -137,7 +137,7 @@ def test_an_interrupted_study_keeps_its_trials(
         run(stop_in_the_second_round)
     progress.clear()
     run(progress.append)
-    assert progress[7].endswith("8 of 8 trials, 8 from the store")
+    assert progress[11].endswith("12 of 12 trials, 12 from the store")
     assert not progress[-1].endswith(" 4 from the store")
 
 
