@@ -184,10 +184,10 @@ def chance(study: ToleranceStudy) -> str:
     """Return in a sentence what chance does to the errors at contact."""
     lateral, yaw = slope(study.chance_lateral), slope(study.chance_yaw)
     return (
-        f"Chance changes the lateral error at contact by {lateral} mm and the yaw error by {yaw} deg, measured "
-        "by an error that is too small to matter, for the course of a trial depends on each pixel. The squares "
-        "of this are taken off those of all slopes, with the most that it may be off the lower bound and the "
-        "least off the upper one."
+        f"Chance changes the lateral error at contact by {lateral} mm and the yaw error by {yaw} deg, "
+        "measured by an error that is too small to matter, for the course of a trial depends on each pixel. "
+        "The squares of this are taken off those of all slopes, with the most that it may be off the lower "
+        "bound and the least off the upper one."
     )
 
 

