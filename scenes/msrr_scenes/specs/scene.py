@@ -21,7 +21,13 @@ from msrr_scenes.specs.control import ControlSpec, DockingSpec, JudgeSpec, LosSp
 from msrr_scenes.specs.faults import Fault, MarkerHidden
 from msrr_scenes.specs.mission import AssembledPair, RadioSpec, Shapes
 from msrr_scenes.specs.plan import DockStep, PlanStep, in_order
-from msrr_scenes.specs.sensors import CameraSpec, CamerasSpec, OdometrySpec, ParametricSpec
+from msrr_scenes.specs.sensors import (
+    CameraSpec,
+    CamerasSpec,
+    LocalisationErrorSpec,
+    OdometrySpec,
+    ParametricSpec,
+)
 from msrr_scenes.specs.spec import Duration, Name, PoseSpec, Spec, Text, between
 from msrr_scenes.specs.vehicle import LimitsSpec, LinkSpec, LockSpec, WheelMotorSpec
 
@@ -177,8 +183,18 @@ class Scene(Spec):
         )
 
     def told(self) -> Scene:
-        """Return the scene as robots and base station are told it: without true errors and without faults."""
-        return self.model_copy(update={"as_built": self.as_built.told(), "faults": ()})
+        """Return the scene as robots and base station are told it: without true errors and without faults.
+
+        Neither are they told the errors of a global localisation, nor when the radio will be silent.
+        """
+        updates: dict[str, Any] = {"as_built": self.as_built.told(), "faults": ()}
+        overhead = self.cameras.overhead
+        if overhead is not None:
+            exact = overhead.model_copy(update={"localisation": LocalisationErrorSpec()})
+            updates["cameras"] = self.cameras.model_copy(update={"overhead": exact})
+        if self.radio is not None:
+            updates["radio"] = self.radio.model_copy(update={"silences": ()})
+        return self.model_copy(update=updates)
 
     def with_camera(self, name: str, spec: CameraSpec) -> Scene:
         """Return the scene with another data sheet of the camera ``onboard`` or ``overhead``."""

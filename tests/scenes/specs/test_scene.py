@@ -32,3 +32,19 @@ def test_delay_compensation_is_no_parameter_of_an_estimator() -> None:
     off = {"control.estimator.params.delay_compensation": "false"}
     with pytest.raises(SceneError, match=r"set control\.delay_compensation, and take it out of the params"):
         load_scene("close_range", off)
+
+
+def test_robots_are_told_neither_errors_of_localisation_nor_silences_of_the_radio() -> None:
+    scene = load_scene("biased_localisation")
+    assert scene.cameras.overhead is not None
+    told = scene.told().cameras.overhead
+    assert told is not None
+    assert scene.cameras.overhead.localisation != told.localisation == type(told.localisation)()
+    assert (
+        told.model_copy(update={"localisation": scene.cameras.overhead.localisation})
+        == scene.cameras.overhead
+    )
+    silent = load_scene("two_units", {"radio": "{silences: [{from_s: 1, until_s: 2}], loss: 0.1}"})
+    radio = silent.told().radio
+    assert radio is not None
+    assert (radio.silences, radio.loss) == ((), 0.1)
