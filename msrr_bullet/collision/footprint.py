@@ -121,8 +121,7 @@ def _all_near(points: Array, parts: Sequence[Part], distance: float) -> bool:
 
 
 def _projection(solid: Solid) -> Part:
-    upright = abs(float(solid.X_UG.R[2, 2])) > 1.0 - 1e-12
-    if solid.kind == "sphere" or (solid.kind == "cylinder" and upright):
+    if solid.is_disc:
         return Part.disc(float(solid.X_UG.p[0]), float(solid.X_UG.p[1]), solid.size[0])
     return Part.polygon(solid.outline())
 

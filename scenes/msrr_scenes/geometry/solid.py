@@ -24,6 +24,9 @@ _FLAT_M2 = 1e-13
 _MANY = 64
 _OUTWARDS: Array = np.stack([f(np.arange(16) * (math.pi / 8.0)) for f in (np.cos, np.sin)])
 
+#: Tilt of a cylinder below which it is upright: a rounding of the angles in a drawing, such as 3.14159.
+_UPRIGHT = 1e-4
+
 #: Shapes without a file, and the attributes of a URDF that give their sizes.
 PRIMITIVES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",)}
 
@@ -51,13 +54,20 @@ class Solid:
     mesh: Path | None = None
     part: int | None = None
 
+    @property
+    def is_disc(self) -> bool:
+        """Whether the shape's projection to the ground is a disc: that of a sphere or an upright cylinder."""
+        upright = math.hypot(self.X_UG.R[0, 2], self.X_UG.R[1, 2]) < _UPRIGHT
+        return self.kind == "sphere" or (self.kind == "cylinder" and upright)
+
     def outline(self) -> Array:
         """Return points in U, shape (N, 2) [m], whose convex hull is the shape's projection to the ground.
 
-        Round shapes are given by 32 points on the circle.
+        A disc is given by the polygon of 32 corners around it, and the circles of another round shape by 32
+        points on each.
         """
-        if self.kind == "sphere":
-            return self.X_UG.p[:2] + self.size[0] * _circle()
+        if self.is_disc:
+            return self.X_UG.p[:2] + self.size[0] / math.cos(math.pi / 32) * _circle()
         return self.points()[:, :2]
 
     def points(self) -> Array:

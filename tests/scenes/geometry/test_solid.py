@@ -35,8 +35,18 @@ def test_the_outline_is_the_projection_to_the_ground() -> None:
     following = np.roll(hull, -1, axis=0)
     area = 0.5 * (hull[:, 0] * following[:, 1] - hull[:, 1] * following[:, 0]).sum()
     assert area == pytest.approx(0.6 * 0.8)  # positive: counter-clockwise
-    ball = Solid("a", "sphere", X_UG, (0.3,)).outline()
-    np.testing.assert_allclose(np.linalg.norm(ball - X_UG.p[:2], axis=1), 0.3)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 2.7e-6])
+def test_a_disc_is_never_larger_than_its_outline(tilt: float) -> None:
+    """Start poses are checked by outlines and judged by discs, also where a URDF turns a cylinder by 3.14159."""
+    X = SE3.from_xyz_rpy([0.2, -0.1, 0.3], [math.pi + tilt, 0.0, 0.4])
+    for solid in (Solid("a", "sphere", X_UG, (0.3,)), Solid("a", "cylinder", X, (0.3, 0.8))):
+        assert solid.is_disc
+        corners = solid.outline() - solid.X_UG.p[:2]
+        edges = np.roll(corners, -1, axis=0) - corners
+        apart = np.abs(corners[:, 0] * edges[:, 1] - corners[:, 1] * edges[:, 0]) / np.hypot(*edges.T)
+        np.testing.assert_allclose(apart, 0.3, rtol=1e-9)
 
 
 def test_a_mesh_is_read_and_scaled(tmp_path: Path) -> None:
