@@ -39,7 +39,7 @@ def test_the_outline_is_the_projection_to_the_ground() -> None:
 
 @pytest.mark.parametrize("tilt", [0.0, 2.7e-6])
 def test_a_disc_is_never_larger_than_its_outline(tilt: float) -> None:
-    """Start poses are checked by outlines and judged by discs, also where a URDF turns a cylinder by 3.14159."""
+    """Start poses are checked by outlines and judged by discs; URDFs turn cylinders by 3.14159."""
     X = SE3.from_xyz_rpy([0.2, -0.1, 0.3], [math.pi + tilt, 0.0, 0.4])
     for solid in (Solid("a", "sphere", X_UG, (0.3,)), Solid("a", "cylinder", X, (0.3, 0.8))):
         assert solid.is_disc
