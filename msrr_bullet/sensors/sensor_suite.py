@@ -48,8 +48,10 @@ class MountedCamera:
             return []
         if self._frames.due(now_ns) and reader.uses_camera(self.sensor.name):
             messages = self.sensor.capture(now_ns, reader)
-            # Frames are read one after the other: none overtakes the one before.
-            self._arrival_ns = max(now_ns + self.sensor.frames.next_latency_ns(), self._arrival_ns)
+            latency_ns = self.sensor.frames.next_latency_ns()
+            if messages:  # a frame that is lost holds none up
+                # Frames are read one after the other: none overtakes the one before.
+                self._arrival_ns = max(now_ns + latency_ns, self._arrival_ns)
             for message in messages:
                 self._queue.send(self._arrival_ns, message)
         arrived = self._queue.arrived(now_ns)

@@ -62,11 +62,13 @@ class Clockwork:
 
     name, spec = "overhead", SPEC
 
-    def __init__(self, of: FrameSequence) -> None:
-        self.frames = of
+    def __init__(self, of: FrameSequence, every: int = 1) -> None:
+        self.frames, self._every, self._count = of, every, 0
 
     def capture(self, now_ns: int, reader: CameraReader) -> tuple[SensorMessage, ...]:
-        return (GlobalPose("a", now_ns, SE2(), np.eye(3)),)
+        self._count += 1
+        lost = self._count % self._every
+        return () if lost else (GlobalPose("a", now_ns, SE2(), np.eye(3)),)
 
     def next_latency_ns(self) -> int:
         return self.frames.next_latency_ns()
@@ -88,6 +90,16 @@ def test_frames_arrive_in_order_however_late_they_are() -> None:
     delays = np.array([now - stamp for now, stamp in arrived]) * 1e-9
     assert delays.min() >= 0.04
     assert 0.25 < delays.max() < 0.345
+
+
+def test_a_frame_that_is_lost_delays_none_after_it() -> None:
+    """Of eight frames seven are lost, and the eighth comes as late as it was drawn: 150 ms on average."""
+    camera, delays = MountedCamera(Clockwork(sequence(jitter_ms=300.0), every=8), 0), []
+    for tick in range(240 * 60):
+        now_ns = round(tick * 1e9 / 240)
+        delays += [1e-9 * (now_ns - m.stamp_ns) for m in camera.tick(now_ns, Watcher())]
+    # Uniform from 40 to 340 ms, and up to a tick more: five standard errors are 5.3 ms and more.
+    assert np.mean(delays) == pytest.approx(0.19, abs=5.0 * 0.0866 / np.sqrt(len(delays)) + 0.003)
 
 
 @pytest.mark.parametrize("probability", [0.0, 0.3, 1.0])
