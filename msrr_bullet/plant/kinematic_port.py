@@ -56,7 +56,7 @@ class CaptureRange:
 def face_half_width(geometry: UnitGeometry, port: str) -> float:
     """Return half the width of the face of a port [m]."""
     X_DU = geometry.dock_frame(port).inverse()
-    points = X_DU.act(np.concatenate([solid.outline() for solid in geometry.solids]))
+    points = X_DU.act(np.concatenate([solid.points()[:, :2] for solid in geometry.solids]))
     face = points[np.abs(points[:, 0]) <= _FACE_DEPTH]
     if not len(face):
         raise GeometryError(f"{geometry.urdf}: no solid reaches the face of port {port!r}")

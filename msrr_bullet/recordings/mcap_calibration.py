@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from msrr_bullet.recordings.mcap_messages import DAMAGE, read_messages
+from msrr_bullet.recordings.mcap_messages import DAMAGE, Undecoded, read_messages
 from msrr_bullet.recordings.recording import RecordingError
 from msrr_scenes.errors import SceneError
 from msrr_scenes.loading.calibration_file import calibration_of
@@ -93,6 +93,8 @@ def _read_calibration(path: Path, topic: str, rectified: bool) -> CalibrationSpe
     if found is None:
         raise RecordingError(f"{name}: no message; give --calibration FILE")
     message: Any = found.message
+    if isinstance(message, Undecoded):
+        raise RecordingError(f"{name}: damaged: {message.reason}; give --calibration FILE")
     try:
         size = int(message.width), int(message.height)
         matrix = [float(number) for number in _field(message, which)]

@@ -85,7 +85,7 @@ def read_channels(path: Path) -> dict[str, str]:
     """
     try:
         with path.open("rb") as file:
-            reader = _reader(file)
+            reader, _ = _reader(file)
             summary = reader.get_summary() if isinstance(reader, SeekingReader) else None
             if summary is not None and summary.channels:
                 return {c.topic: _name(summary.schemas.get(c.schema_id)) for c in summary.channels.values()}
@@ -94,8 +94,11 @@ def read_channels(path: Path) -> dict[str, str]:
         raise RecordingError(f"{path}: cannot be read as MCAP: {error}") from None
 
 
-def _reader(file: IO[bytes]) -> McapReader:
-    """Return a reader of a file; one that was cut off or has no full index is read from its beginning."""
+def _reader(file: IO[bytes]) -> tuple[McapReader, bool]:
+    """Return a reader of a file, and whether the file is whole.
+
+    One that was cut off or has no full index is read from its beginning.
+    """
     start, size = file.read(len(MAGIC)), file.seek(0, os.SEEK_END)
     file.seek(max(0, size - len(MAGIC)))
     end = file.read()
@@ -107,9 +110,9 @@ def _reader(file: IO[bytes]) -> McapReader:
         summary = reader.get_summary()
         # Channels and schemas need not be repeated behind the messages, nor need there be an index of these.
         if summary is not None and summary.chunk_indexes and summary.channels and summary.schemas:
-            return reader
-        file.seek(0)
-    return NonSeekingReader(file, validate_crcs=True)
+            return reader, True
+    file.seek(0)
+    return NonSeekingReader(file, validate_crcs=True), end == MAGIC
 
 
 def _decoder(schema: Schema | None, channel: Channel) -> Callable[[bytes], Any]:
@@ -147,9 +150,9 @@ def read_messages(path: Path, topics: list[str]) -> Iterator[DecodedMessage]:
     count, decoders = 0, dict[int, Callable[[bytes], Any]]()
     try:
         with path.open("rb") as file:
-            reader = _reader(file)
-            ordered = isinstance(reader, SeekingReader)  # else all of the file would be read to sort it
-            for schema, channel, record in reader.iter_messages(topics=topics, log_time_order=ordered):
+            reader, whole = _reader(file)
+            # One that was cut off ends in an error: what comes before it cannot wait to be sorted.
+            for schema, channel, record in reader.iter_messages(topics=topics, log_time_order=whole):
                 if channel.id not in decoders:
                     decoders[channel.id] = _decoder(schema, channel)
                 message: Any
@@ -179,7 +182,7 @@ def check_clock(path: Path, topic: str) -> None:
     """
     latest_ns = 0
     with suppress(*DAMAGE), path.open("rb") as file:  # reading the messages will tell of damage
-        for _, _, record in _reader(file).iter_messages(topics=[topic], log_time_order=False):
+        for _, _, record in _reader(file)[0].iter_messages(topics=[topic], log_time_order=False):
             back_ns = latest_ns - record.log_time
             if back_ns > LONGEST_LATENCY_NS:
                 raise RecordingError(

@@ -12,7 +12,7 @@ from msrr_scenes.geometry.urdf_file import WheelJoint
 WHEELS, JOINT_STATE, ODOMETRY = "msrr.WheelOdometry", "sensor_msgs/msg/JointState", "nav_msgs/msg/Odometry"
 
 #: Largest angle of a joint that wraps at -pi and pi, and how far from a whole turn it jumps there [rad].
-_WRAPS, _WRAP_JUMP = math.pi + 0.01, 1.5
+_WRAPS, _WRAP_JUMP = math.pi + 0.01, 1.0
 
 
 @dataclass
@@ -29,6 +29,7 @@ class WheelReader:
     joints: tuple[WheelJoint, WheelJoint] | None = None
     _pose: SE2 | None = field(default=None, init=False)
     _told: dict[str, float] = field(default_factory=dict, init=False)  # angle of each joint as it was told
+    _widest: dict[str, float] = field(default_factory=dict, init=False)  # largest angle that was told
     _turns: dict[str, float] = field(default_factory=dict, init=False)  # by which that has wrapped [rad]
     _left: float = field(default=0.0, init=False)
     _right: float = field(default=0.0, init=False)
@@ -51,8 +52,8 @@ class WheelReader:
     def _unwrapped(self, joint: str, angle: float) -> float:
         """Return the angle of a wheel with the turns that a driver leaves out which tells of -pi to pi."""
         before, self._told[joint] = self._told.get(joint, angle), angle
-        jump = angle - before
-        if max(abs(angle), abs(before)) < _WRAPS and abs(abs(jump) - 2.0 * math.pi) < _WRAP_JUMP:
+        jump, self._widest[joint] = angle - before, max(self._widest.get(joint, 0.0), abs(angle))
+        if self._widest[joint] < _WRAPS and abs(abs(jump) - 2.0 * math.pi) < _WRAP_JUMP:
             self._turns[joint] = self._turns.get(joint, 0.0) - math.copysign(2.0 * math.pi, jump)
         return angle + self._turns.get(joint, 0.0)
 

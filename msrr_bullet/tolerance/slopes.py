@@ -39,6 +39,7 @@ def fit_slope(error: Array, change: Array, seed: Array, *, drawn: bool, chance: 
         size = float(np.mean(error**2))
         pairs = (rms, chance.rms), (low, chance.high), (high, chance.low)
         rms, low, high = (math.sqrt(max(all_of**2 - by**2 / size, 0.0)) for all_of, by in pairs)
+        high = max(high, abs(mean))  # the same in every trial is little by chance
     return Slope(rms=rms, low=low, high=high, systematic=None if drawn else mean, pairs=len(error))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from msrr_control.coordination.assemblies import is_same_place, standing_bodies
 from msrr_control.coordination.ledger import UnitRecord
@@ -22,6 +23,7 @@ class Interlock:
         """Bind to the ledger, whose limits are set, with no tracks compared."""
         self._units, self._body = units, body
         self._needed: dict[tuple[str, int, str, int], Array] = {}
+        self._clear: dict[tuple[str, int, bool, str, int], NDArray[np.bool_]] = {}
 
     def needed(self, earlier: UnitRecord, later: UnitRecord) -> Array:
         """Return how far the earlier unit has to be for each sample of the later one's track."""
@@ -35,6 +37,7 @@ class Interlock:
     def forget(self, name: str) -> None:
         """Drop what was computed for a unit's earlier routes."""
         self._needed = {key: value for key, value in self._needed.items() if name not in (key[0], key[2])}
+        self._clear = {key: value for key, value in self._clear.items() if name not in (key[0], key[3])}
 
     def extend(self, unit: UnitRecord) -> None:
         """Extend the limit of a unit, which has a track, as far as the others allow; it never shrinks."""
@@ -83,13 +86,13 @@ class Interlock:
             # It stopped where this route was not planned around it.
             if unit.enters is not None and unit.enters[0] == other.name and self.holds(other, unit):
                 return track.length
-            key = (other.name, -other.still_ns, unit.name, unit.route)
-            if key not in self._needed:
+            still = (other.name, other.still_ns, other.may_go_on, unit.name, unit.route)
+            if still not in self._clear:
                 later = self._to_port(unit)
                 bodies = standing_bodies(other, self._units.values())
                 each = [needed(standing(body.X_WB, body.at_port), later, self._body) for body in bodies]
-                self._needed[key] = np.max(each, axis=0)
-            clear = np.isneginf(self._needed[key])
+                self._clear[still] = np.isneginf(np.max(each, axis=0))
+            clear = self._clear[still]
         else:
             return track.length
         count = int(np.count_nonzero(clear))  # the samples that are clear come first

@@ -31,6 +31,7 @@ class Patience:
             first sight of its root.
         dock_s: Time in the dock leg for which a unit stands without progress after which it counts as failed,
             and without a report after which it counts as lost. It may try more than once meanwhile.
+        tries_s: Time without progress in the dock leg for which a unit may go on trying.
         hopeless_s: Time without a route for anybody after which a task is given up.
         replans: Largest number of times that routes are planned anew before another task is done.
     """
@@ -48,6 +49,7 @@ class Patience:
     recalls: int = 2
     lost_s: float = 30.0
     dock_s: float = 150.0
+    tries_s: float = 900.0
     hopeless_s: float = 5.0
     replans: int = 12
 

@@ -119,7 +119,7 @@ class Watch:
         ends = unit.enters is None and unit.track is not None and unit.limit >= unit.track.length - 1e-9
         moves = unit.report is not None and bool(unit.report.stopping)
         waits = at_limit and not ends and (moves or unit.report is None or not unit.in_dock_leg)
-        if self._docks(unit) and moves:
+        if self._docks(unit) and moves and seconds(now_ns - unit.moved_ns) < self._patience.tries_s:
             unit.patient_ns = now_ns  # it backs off or comes again: it ends that by itself, and tells of it
         elif waits or self._unheard_s(unit, now_ns) > self._patience.silent_s:
             unit.patient_ns += now_ns - self._previous_ns

@@ -74,10 +74,9 @@ class ArenaMap(NamedTuple):
     turns_at_end: bool = False
 
     def without_one(self, target: tuple[Disc, ...]) -> Iterator[tuple[str, ArenaMap]]:
-        """Yield each body but the target with the map of all others."""
-        for unit in self.units:
-            if unit not in target:
-                yield unit.name, self._replace(units=tuple(u for u in self.units if u is not unit))
+        """Yield the name of each body but the target with the map of all others; a body may be many discs."""
+        for name in dict.fromkeys(unit.name for unit in self.units if unit not in target):
+            yield name, self._replace(units=tuple(u for u in self.units if u.name != name))
         for obstacle in self.obstacles:
             others = tuple(o for o in self.obstacles if o is not obstacle)
             yield obstacle.name, self._replace(obstacles=others)

@@ -24,7 +24,6 @@ from msrr_scenes.specs.plan import DockStep, PlanStep, in_order
 from msrr_scenes.specs.sensors import (
     CameraSpec,
     CamerasSpec,
-    LocalisationErrorSpec,
     OdometrySpec,
     ParametricSpec,
 )
@@ -185,13 +184,13 @@ class Scene(Spec):
     def told(self) -> Scene:
         """Return the scene as robots and base station are told it: without true errors and without faults.
 
-        Neither are they told the errors of a global localisation, nor when the radio will be silent.
+        Of a global localisation they are told the noise alone, and not when the radio will be silent.
         """
         updates: dict[str, Any] = {"as_built": self.as_built.told(), "faults": ()}
         overhead = self.cameras.overhead
         if overhead is not None:
-            exact = overhead.model_copy(update={"localisation": LocalisationErrorSpec()})
-            updates["cameras"] = self.cameras.model_copy(update={"overhead": exact})
+            told = overhead.model_copy(update={"localisation": overhead.localisation.told()})
+            updates["cameras"] = self.cameras.model_copy(update={"overhead": told})
         if self.radio is not None:
             updates["radio"] = self.radio.model_copy(update={"silences": ()})
         return self.model_copy(update=updates)

@@ -182,6 +182,10 @@ class LocalisationErrorSpec(Spec):
     dropout: Probability = 0.0
     """Probability that a body is missing from a frame."""
 
+    def told(self) -> LocalisationErrorSpec:
+        """Return what robots are told of it: the standard deviations of the noise."""
+        return LocalisationErrorSpec(noise_m=self.noise_m, noise_yaw_deg=self.noise_yaw_deg)
+
 
 class OverheadCameraSpec(CameraSpec):
     """The camera that looks straight down on the arena; image right is world x, image down is world -y."""

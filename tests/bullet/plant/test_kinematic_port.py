@@ -11,6 +11,8 @@ from msrr_bullet.plant.kinematic_port import CaptureRange, face_half_width
 from msrr_scenes.as_built import as_designed
 from msrr_scenes.geometry.pin_and_hole import PinAndHole
 from msrr_scenes.geometry.se2 import SE2
+from msrr_scenes.geometry.se3 import SE3
+from msrr_scenes.geometry.solid import Solid
 from msrr_scenes.messages import Twist
 from msrr_scenes.random_streams import stream
 from tests.bullet.conftest import before_port, bench, two_units
@@ -169,3 +171,13 @@ def test_pins_touch_where_the_switches_close_as_they_were_built() -> None:
             closed.add(all(plant.switches("a")))
             assert plant.pins_touch("a") is all(plant.switches("a"))
         assert closed == {False, True}
+
+
+@pytest.mark.parametrize("radius", [0.11, 0.25])
+def test_a_port_may_be_on_the_rim_of_a_disc(radius: float) -> None:
+    """Of that, only a point is in the plane of the face; the pins need more room than that, and have it."""
+    body = Solid("base", "cylinder", SE3(p=np.array([0.0, 0.0, 0.1])), (radius, 0.1))
+    geometry = two_units().geometry("b")
+    disc = replace(geometry, solids=(body,))
+    at_rim = {**geometry.frames, "port_rear": SE3.from_se2(SE2(-radius, 0.0, math.pi))}
+    assert face_half_width(replace(disc, frames=at_rim), "rear") < 0.03

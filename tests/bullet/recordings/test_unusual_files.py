@@ -127,6 +127,37 @@ def test_joint_states_that_wrap_at_pi_are_those_that_do_not(step: float) -> None
     assert abs(angles).min() > 8.0
 
 
+def test_slow_encoders_do_not_seem_to_wrap() -> None:
+    """Nearly a turn from one reading to the next is no wrap, where angles do not jump by a turn."""
+    reader = WheelReader(0.033, 0.14, (WheelJoint("l", 1), WheelJoint("r", 1)))
+    for k in range(6):
+        position = [-2.4 + 4.85 * k] * 2
+        state = SimpleNamespace(name=["l", "r"], position=position)
+        assert reader.angles(JOINT_STATE, state) == pytest.approx(position)
+
+
+def test_a_file_without_an_index_is_read_in_the_order_of_its_times(trial: Trial, tmp_path: Path) -> None:
+    """Topic after topic, the wheels of all frames came behind the last one."""
+    path, usual = tmp_path / "odd.mcap", tmp_path / "usual.mcap"
+    write_foxglove(usual, trial.frames()[:8], trial.wheels()[:60], protobuf=False)
+    with usual.open("rb") as file:
+        told = list(make_reader(file).iter_messages())
+    with path.open("wb") as out:
+        writer = Writer(out, use_chunking=False)
+        writer.start()
+        for topic in sorted({channel.topic for _, channel, _ in told}):
+            messages = [m for _, channel, m in told if channel.topic == topic]
+            schema = next(schema for schema, channel, _ in told if channel.topic == topic)
+            assert schema is not None
+            number = writer.register_schema(schema.name, schema.encoding, schema.data)
+            channel_id = writer.register_channel(topic, "json", number)
+            for m in messages:
+                writer.add_message(channel_id, m.log_time, m.data, m.publish_time)
+        writer.finish()
+    a, b = (perceive(each, trial.target) for each in (usual, path))
+    assert (a.used, a.last_pose) == (b.used, b.last_pose)
+
+
 def test_a_compressed_mosaic_is_read_as_a_raw_one() -> None:
     """The transport of ROS 2 compresses it as if it was a grey picture."""
     rng = np.random.default_rng(0)

@@ -109,3 +109,11 @@ def test_what_chance_does_is_no_slope() -> None:
     pushes = fit_slope(error, 0.3 * error + by_chance[2], seeds, drawn=False, chance=chance)
     assert pushes.rms == pytest.approx(0.3, abs=0.02)
     assert 0.2 < pushes.low < pushes.rms < pushes.high < 0.4
+
+
+def test_a_push_that_is_the_same_in_every_trial_is_in_the_interval_even_below_chance() -> None:
+    error, seeds = np.ones(5), np.arange(5)
+    chance = fit_slope(error, np.array([0.1, -0.1, 0.1, -0.1, 0.1]), seeds, drawn=True)
+    same = fit_slope(error, 0.025 * error, seeds, drawn=False, chance=chance)
+    assert (same.rms, same.low, same.systematic) == (0.0, 0.0, 0.025)
+    assert same.high == 0.025

@@ -42,3 +42,31 @@ def test_a_unit_is_let_out_of_its_port_only_when_it_can_leave_it_whole(setup: Co
     passes.progress = passes.track.length
     interlock.extend(leaves)
     assert leaves.limit == leaves.track.length
+
+
+def test_the_way_of_a_lost_unit_is_free_once_it_is_known_to_have_stopped_short(
+    setup: CoordinationSetup,
+) -> None:
+    """The ground on which it might go on stayed closed to all who had been barred from it before."""
+    body = setup.lanes.body
+    into = TrackBuilder(SE2(-1.2, 0.0, 0.0), body.offset)
+    into.follow(Path(into.pose.as_array(), np.zeros(1), np.array([0.6 + body.offset])))
+    into.dock(SE2(), 0.1)
+    lost = _under_way("lost", into.track(), 1)
+    lost.state, lost.enters, lost.still_ns, lost.limit = (
+        UnitState.LOST,
+        ("root", "rear"),
+        10,
+        into.track().length,
+    )
+    across = TrackBuilder(SE2(-0.25, -1.0, 0.5 * np.pi), body.offset)
+    across.follow(Path(across.pose.as_array(), np.zeros(1), np.array([1.6 + body.offset])))
+    passes = _under_way("passes", across.track(), 2)
+    root = UnitRecord("root", SE2(0.2, 0.0, 0.0), state=UnitState.DOCKED)
+    interlock = Interlock({unit.name: unit for unit in (lost, passes, root)}, body)
+    interlock.extend(passes)
+    assert lost.may_go_on
+    assert (0.0 < passes.limit < passes.track.length, passes.blocked_by) == (True, "lost")
+    lost.enters = None
+    interlock.extend(passes)
+    assert (passes.limit, passes.blocked_by) == (passes.track.length, None)

@@ -262,3 +262,12 @@ def test_a_route_that_ends_with_a_turn_is_as_long_in_the_mirrored_arena() -> Non
             seconds.append(math.inf if route is None else route.seconds)
         assert seconds == pytest.approx([seconds[0]] * 4, abs=1e-6)
         found += math.isfinite(seconds[0])
+
+
+def test_a_body_that_is_many_discs_is_left_out_as_one() -> None:
+    """One that is lost may be anywhere on the rest of its way."""
+    discs = (Disc("b", 1.0, 0.0, 0.1), Disc("lost", 0.0, 0.0, 0.1), Disc("lost", 0.1, 0.0, 0.1))
+    arena = _arena(SE2())._replace(units=discs)
+    assert {name: {u.name for u in left.units} for name, left in arena.without_one(discs[:1])} == {
+        "lost": {"b"}
+    }

@@ -34,16 +34,15 @@ def test_delay_compensation_is_no_parameter_of_an_estimator() -> None:
         load_scene("close_range", off)
 
 
-def test_robots_are_told_neither_errors_of_localisation_nor_silences_of_the_radio() -> None:
+def test_robots_are_told_the_noise_of_a_localisation_alone_and_no_silences_of_the_radio() -> None:
     scene = load_scene("biased_localisation")
-    assert scene.cameras.overhead is not None
-    told = scene.told().cameras.overhead
+    true, told = scene.cameras.overhead, scene.told().cameras.overhead
+    assert true is not None
     assert told is not None
-    assert scene.cameras.overhead.localisation != told.localisation == type(told.localisation)()
-    assert (
-        told.model_copy(update={"localisation": scene.cameras.overhead.localisation})
-        == scene.cameras.overhead
-    )
+    noise = true.localisation
+    assert noise.noise_m > 0.0
+    assert told.localisation == type(noise)(noise_m=noise.noise_m, noise_yaw_deg=noise.noise_yaw_deg) != noise
+    assert told.model_copy(update={"localisation": noise}) == true
     silent = load_scene("two_units", {"radio": "{silences: [{from_s: 1, until_s: 2}], loss: 0.1}"})
     radio = silent.told().radio
     assert radio is not None
