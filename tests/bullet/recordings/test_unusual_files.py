@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,30 +28,50 @@ from tests.bullet.recordings.mcap_files import png, write_foxglove, write_ros2
 ALONE = Options(odometry="none")
 
 
+def _written_anew(
+    usual: Path,
+    path: Path,
+    *,
+    by_topic: bool = False,
+    change: Callable[[str, bytes], bytes] = lambda topic, data: data,
+    later_ns: int = 0,
+    **options: Any,
+) -> None:
+    """Write the messages of a file in JSON into another one, which the writer makes with some options."""
+    with usual.open("rb") as file:
+        told = list(make_reader(file).iter_messages())
+    if by_topic:
+        told.sort(key=lambda entry: entry[1].topic)
+    with path.open("wb") as out:
+        writer = Writer(out, **options)
+        writer.start()
+        channels: dict[str, int] = {}
+        for schema, channel, message in told:
+            assert schema is not None
+            if channel.topic not in channels:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.topic] = writer.register_channel(channel.topic, "json", number)
+            data, time = change(channel.topic, message.data), later_ns + message.log_time
+            writer.add_message(channels[channel.topic], log_time=time, data=data, publish_time=time)
+        writer.finish()
+
+
 @pytest.mark.parametrize("odd", ["no JSON", "a stamp 3 s early", "a stamp 3 s late"])
 @pytest.mark.parametrize("at", [0, 3])
 def test_one_bad_message_is_one_lost_frame(trial: Trial, tmp_path: Path, odd: str, at: int) -> None:
     """All behind it was lost, and where it was the first the file was refused."""
     path, good = tmp_path / "odd.mcap", write_foxglove(tmp_path / "good.mcap", trial.frames()[:8], [], False)
-    seen = 0
-    with good.open("rb") as file, path.open("wb") as out:
-        writer = Writer(out)
-        writer.start()
-        channels: dict[str, int] = {}
-        for schema, channel, message in make_reader(file).iter_messages():
-            assert schema is not None
-            if channel.topic not in channels:
-                number = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.topic] = writer.register_channel(channel.topic, "json", number)
-            data = message.data
-            if channel.topic == "/camera":
-                if seen == at:
-                    data = b"{" if odd == "no JSON" else _restamped(data, 3 if "late" in odd else -3)
-                seen += 1
-            times = {"log_time": 10**10 + message.log_time, "publish_time": 0}
-            data = _restamped(data, 10) if channel.topic == "/camera" and data != b"{" else data
-            writer.add_message(channels[channel.topic], data=data, **times)
-        writer.finish()
+    count = itertools.count()
+
+    def change(topic: str, data: bytes) -> bytes:
+        if topic != "/camera":
+            return data
+        is_odd = next(count) == at
+        if is_odd and odd == "no JSON":
+            return b"{"
+        return _restamped(data, 10 + is_odd * (3 if "late" in odd else -3))
+
+    _written_anew(good, path, change=change, later_ns=10**10)
     messages: list[str] = []
     result = perceive(path, trial.target, ALONE, report=messages.append)
     assert (result.frames, result.unusable, result.cut_off) == (8, 1, False)
@@ -91,21 +113,9 @@ def test_parts_of_a_file_that_may_be_missing_are_not_missed(
     trial: Trial, tmp_path: Path, options: dict[str, Any]
 ) -> None:
     """A file without repeated channels seemed to hold nothing."""
-    path, usual = (
-        tmp_path / "odd.mcap",
-        write_foxglove(tmp_path / "usual.mcap", trial.frames()[:3], [], False),
-    )
-    with usual.open("rb") as file, path.open("wb") as out:
-        writer = Writer(out, **options)
-        writer.start()
-        channels: dict[str, int] = {}
-        for schema, channel, message in make_reader(file).iter_messages():
-            assert schema is not None
-            if channel.topic not in channels:
-                number = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.topic] = writer.register_channel(channel.topic, "json", number)
-            writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time)
-        writer.finish()
+    path = tmp_path / "odd.mcap"
+    usual = write_foxglove(tmp_path / "usual.mcap", trial.frames()[:3], [], False)
+    _written_anew(usual, path, **options)
     a, b = (perceive(each, trial.target, ALONE) for each in (usual, path))
     assert (a.frames, a.used, a.last_pose) == (b.frames, b.used, b.last_pose)
     assert a.used == 3
@@ -140,20 +150,7 @@ def test_a_file_without_an_index_is_read_in_the_order_of_its_times(trial: Trial,
     """Topic after topic, the wheels of all frames came behind the last one."""
     path, usual = tmp_path / "odd.mcap", tmp_path / "usual.mcap"
     write_foxglove(usual, trial.frames()[:8], trial.wheels()[:60], protobuf=False)
-    with usual.open("rb") as file:
-        told = list(make_reader(file).iter_messages())
-    with path.open("wb") as out:
-        writer = Writer(out, use_chunking=False)
-        writer.start()
-        for topic in sorted({channel.topic for _, channel, _ in told}):
-            messages = [m for _, channel, m in told if channel.topic == topic]
-            schema = next(schema for schema, channel, _ in told if channel.topic == topic)
-            assert schema is not None
-            number = writer.register_schema(schema.name, schema.encoding, schema.data)
-            channel_id = writer.register_channel(topic, "json", number)
-            for m in messages:
-                writer.add_message(channel_id, m.log_time, m.data, m.publish_time)
-        writer.finish()
+    _written_anew(usual, path, by_topic=True, use_chunking=False)
     a, b = (perceive(each, trial.target) for each in (usual, path))
     assert (a.used, a.last_pose) == (b.used, b.last_pose)
 
