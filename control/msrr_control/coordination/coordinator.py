@@ -21,6 +21,7 @@ from msrr_control.coordination.route_release import RouteRelease
 from msrr_control.coordination.setup import CoordinationSetup
 from msrr_control.coordination.siting import Siting, check_shapes
 from msrr_control.coordination.task_list import TaskList
+from msrr_control.coordination.unit_messages import next_authority, status_of
 from msrr_control.coordination.unit_states import UnitStates
 from msrr_control.coordination.watch import Watch
 from msrr_control.shapes.reconfiguration import assembly_ports
@@ -138,7 +139,7 @@ class Coordinator:
         expires_ns = now_ns + round(self._patience.expires_s * NS_PER_S)
         units = self._units.values()
         sent = [unit for unit in units if unit.track is not None and not self._is_to_brake(unit, now_ns)]
-        return [unit.authority(units, now_ns, expires_ns) for unit in sent]
+        return [next_authority(unit, units, now_ns, expires_ns) for unit in sent]
 
     def _is_to_brake(self, unit: UnitRecord, now_ns: int) -> bool:
         """Return whether a unit is sent no authority: it failed, is or will be lost, or is recalled."""
@@ -158,7 +159,7 @@ class Coordinator:
             shape=self._mission.name,
             done=self._past.done + self._tasks.names(TaskState.DONE),
             given_up=(*(task for _, task in self._past.undone), *self._tasks.names(TaskState.GIVEN_UP)),
-            units=tuple(unit.status() for unit in self._units.values()),
+            units=tuple(map(status_of, self._units.values())),
             replans=self._replans,
             reason=self._reason,
         )

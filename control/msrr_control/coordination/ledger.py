@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from msrr_control.shapes.bodies import ACTIVE_PORT
 from msrr_control.tracks.track import Track, standing
 from msrr_scenes.geometry.se2 import SE2
 from msrr_scenes.messages import GlobalPose, seconds
-from msrr_scenes.messages.coordination import Authority, Intent, UnitMode, UnitReport, UnitState, UnitStatus
+from msrr_scenes.messages.coordination import UnitMode, UnitReport, UnitState
 
 #: Distance that a seen pose is set back along a track before it frees ground [m], and from the track [m].
 _SEEN_BACK_M, _SEEN_OFF_M = 0.06, 0.06
 
 #: Distance by which a unit may be seen farther along its track than it can have driven [m].
 _SEEN_AHEAD_M = 0.1
-
-#: Distance within which units are told the intents of others [m].
-_NEAR_M = 1.0
 
 #: Arc length by which two progresses have to differ to count as different [m].
 SAME_M = 0.015
@@ -258,59 +253,3 @@ class UnitRecord:
         """Unit and port that the unit is locked to, and those at which its route ends or may have ended."""
         ports = dict.fromkeys((self.holder, self.enters if self.under_way or self.may_go_on else None))
         return tuple(port for port in ports if port is not None)
-
-    def authority(self, units: Iterable[UnitRecord], now_ns: int, expires_ns: int) -> Authority:
-        """Return the next authority of a unit that has a track, sent at ``now_ns``.
-
-        It tells of the docks and intents of all units, and ends at ``expires_ns`` unless it is renewed.
-        """
-        assert self.track is not None
-        self.seq += 1
-        self.expiries[self.seq] = expires_ns
-        return Authority(
-            unit=self.name,
-            route=self.route,
-            seq=self.seq,
-            stamp_ns=now_ns,
-            expires_ns=expires_ns,
-            limit=self.limit,
-            legs=self.track.legs,
-            to=None if self.enters is None else ".".join(self.enters),
-            unlock=self.unlocks,
-            joints=tuple(
-                (f"{other.name}.{ACTIVE_PORT}", ".".join(port))
-                for other in units
-                if other.name != self.name
-                for port in other.docks
-            ),
-            intents=tuple(other.intent for other in units if self._goes_after(other) if other.intent),
-        )
-
-    def _goes_after(self, other: UnitRecord) -> bool:
-        """Return whether another unit under way goes first and is so near that this one has to know."""
-        if not other.under_way or other.order >= self.order or other.X_WU is None or self.X_WU is None:
-            return False
-        return math.hypot(other.X_WU.x - self.X_WU.x, other.X_WU.y - self.X_WU.y) < _NEAR_M
-
-    @property
-    def intent(self) -> Intent | None:
-        """Where the unit would still come if it stopped, as it has told; None at rest."""
-        report = self.report
-        if report is None or not report.stopping:
-            return None
-        return Intent(self.name, report.stamp_ns, report.stopping)
-
-    def status(self) -> UnitStatus:
-        """Return what is told to others."""
-        return UnitStatus(
-            unit=self.name,
-            state=self.state,
-            task=self.task,
-            route=self.route,
-            order=self.order,
-            progress=self.progress,
-            limit=self.limit,
-            length=0.0 if self.track is None else self.track.length,
-            blocked_by=self.blocked_by,
-            reason=self.reason,
-        )
